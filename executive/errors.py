@@ -1,0 +1,47 @@
+"""What is raised when the set-up is wrong or the machine lacks something.
+
+Failures of the task itself (no plan, a dropped item, a timeout) are values, never exceptions.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class ExecutiveError(Exception):
+    """Base of every error that Executive raises on purpose. `exit_code` is what the command line ends with."""
+
+    exit_code = 2
+
+
+class InputError(ExecutiveError):
+    """Bad input: one line that says what is wrong, where, and what would be right."""
+
+    def __init__(self, message: str, *, file: Path | str | None = None, key: str | None = None) -> None:
+        self.message, self.file, self.key = message, file, key
+        where = ": ".join(str(part) for part in (file, key) if part is not None)
+        super().__init__(f"{where}: {message}" if where else message)
+
+
+class DomainError(InputError):
+    """A mistake in a domain folder, named with file and key."""
+
+
+class MissingError(ExecutiveError):
+    """The machine lacks something; `command` installs it."""
+
+    exit_code = 3
+
+    def __init__(self, message: str, *, command: str) -> None:
+        self.command = command
+        super().__init__(f"{message}; install it with: {command}")
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """The tail of an error message that lists the valid names and, when one is close, asks whether it was meant."""
+    names = sorted(valid)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}valid: {', '.join(names) if names else 'none'}"

@@ -1,0 +1,131 @@
+"""The five seams. Whatever keeps these shapes can take part: a real robot, another planner, another eye."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from executive.types import (
+    Atom,
+    Belief,
+    Event,
+    Facts,
+    FaultInjected,
+    Frame,
+    Motion,
+    NoPlan,
+    Observation,
+    Phase,
+    Plan,
+    SkillResult,
+    Step,
+)
+
+
+@runtime_checkable
+class Planner(Protocol):
+    """Finds a plan for one task from any of its states."""
+
+    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+        """A plan from `state` (atoms not mentioned are false) to `goal`; an empty plan when the goal holds already.
+
+        Never raises for a task that has no plan, takes too long or crashes the planner: that is a `NoPlan`.
+        """
+        ...
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """Says how likely each atom is, given one look. It sees the observation and nothing else of the run."""
+
+    @property
+    def name(self) -> str: ...
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        """A belief over exactly `atoms`; what it cannot tell is `unanswered`."""
+        ...
+
+
+@runtime_checkable
+class World(Protocol):
+    """Where the robot lives: a simulator or the real thing."""
+
+    @property
+    def time(self) -> float:
+        """Seconds on the world's own clock."""
+        ...
+
+    @property
+    def handle(self) -> Any:
+        """What skills drive. Its type is a matter between this world and the skills made for it."""
+        ...
+
+    def observe(self, cause: str = "") -> Observation:
+        """Take a look: every camera, and the joints."""
+        ...
+
+    def snapshot(self) -> bytes:
+        """The complete state, so that `restore` continues as if nothing had happened in between."""
+        ...
+
+    def restore(self, snapshot: bytes) -> None: ...
+
+    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
+        """Break something now, as a fault demands, and say in plain words what was done.
+
+        Raises:
+            InputError: this world does not know the kind or an argument.
+        """
+        ...
+
+    def schedule(self, delay: float, action: Callable[[], None]) -> None:
+        """Call `action` once, `delay` seconds of the world's time from now, in the middle of whatever goes on then."""
+        ...
+
+    def watch(self, listener: Callable[[Frame], None] | None) -> None:
+        """Tell `listener` where things are, some times a second of the world's time, while it moves."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SkillContext:
+    """What a skill is given beside its step.
+
+    `handle` is `World.handle`; `rng` is the skill's own seeded generator (fresh for each dispatch); `announce` puts a
+    phase or a motion into the trace; `cancelled` is to be asked often, and answered with the status CANCELLED once the
+    robot stands still.
+    """
+
+    handle: Any
+    rng: np.random.Generator
+    announce: Callable[[Phase | Motion], None]
+    cancelled: Callable[[], bool]
+
+
+@runtime_checkable
+class Skill(Protocol):
+    """Carries out one kind of step. Reports what it did, never what it was told to do."""
+
+    def __call__(self, step: Step, context: SkillContext) -> SkillResult: ...
+
+
+@runtime_checkable
+class Sink(Protocol):
+    """Watches a run. It feeds nothing back; an exception in a sink never changes what the robot does."""
+
+    def write(self, event: Event) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class FaultSource(Protocol):
+    """Breaks things on purpose, at the moments that the loop tells it of; returns what it did for the trace."""
+
+    def before_action(self, action: int, step: Step) -> Sequence[FaultInjected]: ...
+
+    def on_phase(self, action: int, phase: Phase) -> Sequence[FaultInjected]: ...
+
+    def after_action(self, action: int) -> Sequence[FaultInjected]: ...
