@@ -20,6 +20,7 @@ from executive.types import (
     Observation,
     Phase,
     Plan,
+    Scenery,
     SkillResult,
     Step,
 )
@@ -83,6 +84,10 @@ class World(Protocol):
 
     def schedule(self, delay: float, action: Callable[[], None]) -> None:
         """Call `action` once, `delay` seconds of the world's time from now, in the middle of whatever goes on then."""
+        ...
+
+    def scenery(self) -> Scenery:
+        """Shapes and cameras, once, for the people who watch."""
         ...
 
     def watch(self, listener: Callable[[Frame], None] | None) -> None:
