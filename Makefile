@@ -1,0 +1,53 @@
+# The two commands: `make run` and `make test`. Each sets up everything first; `make help` lists the rest.
+PY := .venv/bin/python
+SOURCES := executive skills tests benchmarks
+
+.PHONY: help setup run test test-slow bench lint format-check types arrows unit format clean
+
+help:
+	@echo "make run        set up, then sort the groceries with a dropped item on the way"
+	@echo "make test       set up, then every check: lint, format-check, types, arrows, unit"
+	@echo "make test-slow  set up, then the tests that take minutes"
+	@echo "make bench      set up, then the benchmarks, printed"
+	@echo "make setup      the set-up alone; PYTHON=... names the interpreter"
+	@echo "make format     rewrite the sources as format-check wants them"
+	@echo "make clean      remove .venv and everything that tools leave behind (runs/ stays)"
+
+setup:
+	@scripts/setup
+
+run: setup
+	.venv/bin/executive run domains/grocery --seed 3 --fault drop@4
+
+# Every check runs, even after one has failed; the exit code is that of all of them together.
+test: setup
+	@$(MAKE) --no-print-directory --keep-going lint format-check types arrows unit
+
+lint:
+	$(PY) -m ruff check $(SOURCES)
+
+format-check:
+	$(PY) -m ruff format --check $(SOURCES)
+
+types:
+	$(PY) -m mypy
+
+arrows:
+	.venv/bin/lint-imports
+
+unit:
+	$(PY) -m pytest -q -n auto --maxprocesses 4
+
+test-slow: setup
+	$(PY) -m pytest -q -m slow
+
+bench: setup
+	@for benchmark in benchmarks/*.py; do echo "== $$benchmark"; $(PY) $$benchmark || exit 1; done
+
+format: setup
+	$(PY) -m ruff check --fix $(SOURCES)
+	$(PY) -m ruff format $(SOURCES)
+
+clean:
+	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find $(SOURCES) -name __pycache__ -type d -prune -exec rm -rf {} +
