@@ -460,6 +460,14 @@ class Revised:
 
 
 @dataclass(frozen=True, slots=True)
+class Timing:
+    """Wall seconds that the loop spent in one stage: `observe`, `estimate`, `plan` or `skill`, sinks not counted."""
+
+    stage: str
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
 class Ended:
     """The run is over. `goal_seen` is the executive's own claim; nobody but the scorer knows better."""
 
@@ -489,6 +497,7 @@ Payload: TypeAlias = (
     | Compared
     | Decision
     | Revised
+    | Timing
     | Ended
 )
 
