@@ -1,0 +1,1 @@
+"""The simulated world: MuJoCo with robosuite's assets. `truth` is for scoring and for the oracle alone."""

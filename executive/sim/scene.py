@@ -1,0 +1,325 @@
+"""From a scene specification to MuJoCo models: one to simulate and draw, one without visuals to plan in.
+
+Grasping is by contact and friction alone: there is no weld, no equality constraint between hand and item, and nothing
+that moves an item but forces.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from executive.sim import assets
+from executive.sim.spec import CameraSpec, ItemSpec, SceneSpec, TableSpec
+from executive.types import FloatArray
+
+JOINTS = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+FINGER_DRIVES = ("finger_1", "finger_2")
+"""The Robotiq 85's two actuators, from 0 rad (open) to `FINGER_CLOSED`."""
+
+FINGER_CLOSED = 0.8
+
+FINGER_JOINTS = (
+    "finger_joint",
+    "left_inner_finger_joint",
+    "left_inner_knuckle_joint",
+    "right_outer_knuckle_joint",
+    "right_inner_finger_joint",
+    "right_inner_knuckle_joint",
+)
+
+PADS = ("left_fingerpad_collision", "right_fingerpad_collision")
+PAD_HALF_THICKNESS = 0.001
+
+GRIP_SITE = "grip_site"
+"""Between the finger pads. Its z axis points out of the hand, its y axis from pad to pad."""
+
+VISUAL, COLLISION, ITEM = 1, 0, 2
+"""Geom groups: what is only drawn, what only collides, and items, which do both."""
+
+SERVO = ((4000.0, 400.0), (4000.0, 400.0), (4000.0, 300.0), (1200.0, 60.0), (1200.0, 60.0), (1200.0, 60.0))
+"""Stiffness (N m/rad) and damping (N m s/rad) of each joint's position servo."""
+
+_TORQUE = (150.0, 150.0, 150.0, 28.0, 28.0, 28.0)
+"""The UR5e's maximum joint torques in N m, as robosuite's model gives them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ItemShape:
+    """An item's bounding box in its own body frame: centre and half extents, each (3,) in m."""
+
+    name: str
+    centre: FloatArray
+    half: FloatArray
+    round: bool
+    """Whether the horizontal cross-section is a circle, so that any yaw of a grasp is as good as any other."""
+
+
+def build(spec: SceneSpec, *, visuals: bool = True) -> mujoco.MjSpec:
+    """The scene as an MjSpec. With `visuals` off it is the model to plan in: same joints, no textures, no drawn geoms."""
+    scene = mujoco.MjSpec()
+    scene.modelname = "executive"
+    scene.compiler.degree = False
+    scene.option.timestep = spec.timestep
+    # robosuite's own contact settings: an elliptic cone and a high ratio keep what is gripped from creeping.
+    scene.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    scene.option.impratio = 20
+    scene.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    scene.visual.global_.offwidth = max(camera.width for camera in spec.cameras)
+    scene.visual.global_.offheight = max(camera.height for camera in spec.cameras)
+    # Multisampling costs half of a picture's time in software GL (measured: 126 against 58 ms at 384x384).
+    scene.visual.quality.offsamples = 0
+    scene.visual.map.znear = 0.01
+    scene.visual.headlight.ambient = [0.35, 0.35, 0.35]
+    scene.visual.headlight.diffuse = [0.35, 0.35, 0.35]
+    scene.visual.headlight.specular = [0.0, 0.0, 0.0]
+    _surroundings(scene, visuals)
+    _robot(scene, spec)
+    for table in spec.tables:
+        _table(scene, table, visuals)
+    for item in spec.items:
+        _item(scene, item)
+    for camera in spec.cameras:
+        _camera(scene, camera)
+    if not visuals:
+        for geom in list(scene.geoms):
+            if geom.contype == 0 and geom.conaffinity == 0:
+                scene.delete(geom)
+            else:
+                geom.material = ""
+        for kind in (scene.materials, scene.textures):
+            for thing in list(kind):
+                scene.delete(thing)
+    return scene
+
+
+def _surroundings(scene: mujoco.MjSpec, visuals: bool) -> None:
+    world = scene.worldbody
+    floor = world.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3, 3, 0.1], rgba=[0.72, 0.74, 0.77, 1])
+    floor.group = ITEM
+    if visuals:
+        scene.add_texture(
+            name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+            rgb1=[0.93, 0.95, 0.98], rgb2=[0.60, 0.66, 0.74], width=128, height=768,
+        )  # fmt: skip
+        world.add_light(
+            name="ceiling", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[-0.25, 0.1, -1.0], pos=[0.8, 0.0, 3.0],
+            diffuse=[0.55, 0.55, 0.55], ambient=[0.05, 0.05, 0.05], specular=[0.1, 0.1, 0.1], castshadow=False,
+        )  # fmt: skip
+
+
+def _robot(scene: mujoco.MjSpec, spec: SceneSpec) -> None:
+    arm = assets.load("robots/ur5e/robot.xml")
+    for actuator in list(arm.actuators):
+        arm.delete(actuator)
+    for camera in list(arm.cameras):
+        arm.delete(camera)
+    gripper = assets.load("grippers/robotiq_gripper_85.xml")
+    _linkage(gripper)
+    arm.attach(gripper, prefix="", suffix="", frame=arm.body("right_hand").add_frame())
+    x, y, z = spec.robot.position
+    half = 0.5 * spec.robot.yaw
+    mount = scene.worldbody.add_frame(pos=[x, y, z], quat=[math.cos(half), 0.0, 0.0, math.sin(half)])
+    scene.attach(arm, prefix="", suffix="", frame=mount)
+    # A plain column rather than robosuite's pedestal, which is wider than the space between robot and tables.
+    scene.worldbody.add_geom(
+        name="pedestal", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.09, 0.5 * z - 0.001, 0], pos=[x, y, 0.5 * z - 0.001],
+        rgba=[0.25, 0.26, 0.28, 1], group=ITEM,
+    )  # fmt: skip
+    for site in scene.sites:
+        site.rgba = [0, 0, 0, 0]
+    moving = False
+    for body in scene.bodies:
+        # The real controller compensates the arm's own weight; what it carries it has to feel.
+        moving = moving or body.name == "shoulder_link"
+        if moving and body.name != "world":
+            body.gravcomp = 1.0
+    for joint, (stiffness, damping), torque in zip(JOINTS, SERVO, _TORQUE, strict=True):
+        scene.joint(joint).armature = 0.1
+        _position_servo(scene, joint, stiffness, damping, torque)
+    for drive in FINGER_DRIVES:
+        scene.actuator(drive).forcerange = [-_GRIP_TORQUE, _GRIP_TORQUE]
+        scene.actuator(drive).forcelimited = True
+    for geom in scene.geoms:
+        if geom.name.endswith(("fingerpad_collision", "fingertip_collision")):
+            geom.friction = [1.2, 0.05, 0.001]
+            geom.condim = 4
+            geom.solimp = [0.95, 0.99, 0.001, 0.5, 2]
+
+
+_GRIP_TORQUE = 3.0
+"""Limit of each finger's drive in N m; with the 0.1 m finger it is of the order of the real gripper's 20 to 235 N."""
+
+
+def _linkage(gripper: mujoco.MjSpec) -> None:
+    """Make the fingers move as the Robotiq 85's do: one motor, and bars that keep the pads parallel.
+
+    robosuite couples the joints by springs, so that the pads tilt with what they press on. The constraints here are
+    between the hand's own joints; what is gripped is held by friction alone.
+    """
+    for tendon in list(gripper.tendons):
+        gripper.delete(tendon)
+    for joint, sign in (
+        ("right_outer_knuckle_joint", 1.0),
+        ("left_inner_knuckle_joint", 1.0),
+        ("right_inner_knuckle_joint", 1.0),
+        ("left_inner_finger_joint", -1.0),
+        ("right_inner_finger_joint", -1.0),
+    ):
+        gripper.add_equality(
+            type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=joint, name2="finger_joint",
+            data=[0.0, sign, 0, 0, 0, 0, 0, 0, 0, 0, 0], solref=[0.004, 1.0], solimp=[0.98, 0.999, 0.001, 0.5, 2],
+        )  # fmt: skip
+    for joint in gripper.joints:
+        joint.armature = 0.002
+        joint.damping[0] = 0.05
+    names = [body.name for body in gripper.bodies if body.name not in ("world", "eef")]
+    for index, first in enumerate(names):
+        for second in names[index + 1 :]:
+            gripper.add_exclude(bodyname1=first, bodyname2=second)
+
+
+def _position_servo(scene: mujoco.MjSpec, joint: str, stiffness: float, damping: float, torque: float) -> None:
+    actuator = scene.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+    actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    actuator.gainprm[0] = stiffness
+    actuator.biasprm[1] = -stiffness
+    actuator.biasprm[2] = -damping
+    actuator.forcelimited = True
+    actuator.forcerange = [-torque, torque]
+
+
+def _table(scene: mujoco.MjSpec, table: TableSpec, visuals: bool) -> None:
+    half = 0.5 * np.asarray(table.size)
+    x, y, top = table.centre
+    body = scene.worldbody.add_body(
+        name=table.name, pos=[x, y, top - half[2]], quat=[math.cos(table.yaw / 2), 0, 0, math.sin(table.yaw / 2)]
+    )
+    plate = body.add_geom(
+        name=f"{table.name}/top", type=mujoco.mjtGeom.mjGEOM_BOX, size=half, rgba=table.rgba, friction=[1.0, 0.005, 0.0001]
+    )
+    plate.group = ITEM
+    if not visuals:
+        return
+    if table.texture is not None:
+        scene.add_texture(
+            name=f"{table.name}/texture", type=mujoco.mjtTexture.mjTEXTURE_2D, file=assets.texture(TEXTURE_FILES[table.texture])
+        )
+        material = scene.add_material(name=f"{table.name}/material", texuniform=True, texrepeat=[2, 2], specular=0.1)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = f"{table.name}/texture"
+        plate.material = f"{table.name}/material"
+    leg = 0.5 * (top - table.size[2])
+    for side_x in (-1, 1):
+        for side_y in (-1, 1):
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.015, leg, 0], group=VISUAL, contype=0, conaffinity=0,
+                pos=[side_x * (half[0] - 0.03), side_y * (half[1] - 0.03), -half[2] - leg], rgba=[0.35, 0.36, 0.38, 1],
+            )  # fmt: skip
+
+
+TEXTURE_FILES = {"wood": "light-wood.png", "dark-wood": "dark-wood.png", "ceramic": "ceramic.png"}
+
+
+def _item(scene: mujoco.MjSpec, item: ItemSpec) -> None:
+    body = scene.worldbody.add_body(name=item.name)
+    body.add_freejoint(name=f"{item.name}/free")
+    friction = [item.friction, 0.02, 0.002]
+    if item.shape is not None and item.size is not None:
+        kind = mujoco.mjtGeom.mjGEOM_BOX if item.shape == "box" else mujoco.mjtGeom.mjGEOM_CYLINDER
+        x, y, z = (0.5 * extent for extent in item.size)
+        body.add_geom(
+            name=f"{item.name}/body", type=kind, size=[x, y, z] if item.shape == "box" else [x, z, 0],
+            rgba=item.rgba or (0.7, 0.7, 0.7, 1), mass=item.mass, friction=friction, condim=4, group=ITEM,
+        )  # fmt: skip
+        return
+    source = assets.load(f"objects/{item.asset}.xml")
+    inner = source.body("object")
+    for site in list(source.sites):
+        source.delete(site)
+    factor = np.broadcast_to(np.asarray(item.scale, dtype=float), 3)
+    for mesh in source.meshes:
+        mesh.scale = np.asarray(mesh.scale) * factor
+    geoms = list(inner.geoms)
+    for geom in geoms[:-1]:
+        source.delete(geom)  # the bottle's file draws its mesh twice
+    geom = geoms[-1]
+    geom.name = "body"
+    geom.group = ITEM
+    geom.mass = item.mass
+    geom.friction = friction
+    geom.condim = 4
+    # robosuite's 1 ms contacts are stiffer than a 2 ms step resolves.
+    geom.solref = [0.005, 1.0]
+    geom.solimp = [0.95, 0.99, 0.001, 0.5, 2]
+    if item.rgba is not None:
+        geom.rgba = item.rgba
+    for material in source.materials:
+        material.reflectance = 0.0
+    frame = body.add_frame()
+    frame.attach_body(inner, f"{item.name}/", "")
+
+
+def _camera(scene: mujoco.MjSpec, camera: CameraSpec) -> None:
+    position, target = np.asarray(camera.position), np.asarray(camera.target)
+    backward = position - target
+    backward /= np.linalg.norm(backward)
+    right = np.cross([0.0, 0.0, 1.0], backward)
+    if np.linalg.norm(right) < 1e-6:  # straight down: let +y be up in the picture
+        right = np.array([1.0, 0.0, 0.0])
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(backward, right), backward], axis=1)
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.flatten())
+    scene.worldbody.add_camera(
+        name=camera.name, pos=position, quat=quaternion, fovy=camera.fovy_degrees, resolution=[camera.width, camera.height]
+    )
+
+
+def item_shapes(model: mujoco.MjModel, spec: SceneSpec) -> dict[str, ItemShape]:
+    """Each item's bounding box, from the compiled geometry."""
+    shapes = {}
+    for item in spec.items:
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        root = model.body(item.name).id
+        for geom in range(model.ngeom):
+            if model.body_rootid[model.geom_bodyid[geom]] != root:
+                continue
+            points = _in_root_frame(model, geom, _geom_points(model, geom))
+            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+        circular = item.shape == "cylinder" or item.asset in ("can", "bottle")
+        shapes[item.name] = ItemShape(item.name, 0.5 * (low + high), 0.5 * (high - low), circular)
+    return shapes
+
+
+def _geom_points(model: mujoco.MjModel, geom: int) -> FloatArray:
+    """Points of a geom whose hull is its shape, in the geom's frame."""
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.geom_dataid[geom]
+        start = model.mesh_vertadr[mesh]
+        return np.asarray(model.mesh_vert[start : start + model.mesh_vertnum[mesh]], dtype=float)
+    centre, half = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
+    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    return np.asarray(centre + corners * half)
+
+
+def _in_root_frame(model: mujoco.MjModel, geom: int, points: FloatArray) -> FloatArray:
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+    points = points @ rotation.reshape(3, 3).T + model.geom_pos[geom]
+    body = model.geom_bodyid[geom]
+    while model.body_parentid[body] != 0:
+        mujoco.mju_quat2Mat(rotation, model.body_quat[body])
+        points = points @ rotation.reshape(3, 3).T + model.body_pos[body]
+        body = model.body_parentid[body]
+    return points

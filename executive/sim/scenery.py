@@ -1,0 +1,113 @@
+"""The scene's shapes as plain triangle meshes, for whoever draws a run: no simulator is needed to look at a trace."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from executive.sim import scene
+from executive.sim.spec import SceneSpec
+from executive.types import Camera, Geometry, Scenery
+
+_CELL = 0.003
+"""Vertices of a mesh that fall into one cell of this size (m) are drawn as one: the arm's meshes have 362,000."""
+
+
+def of(model: mujoco.MjModel, spec: SceneSpec) -> Scenery:
+    """Every geom that is drawn, and every camera."""
+    geometries = []
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for geom in range(model.ngeom):
+        if model.geom_group[geom] not in (scene.VISUAL, scene.ITEM) or model.geom(geom).name == "floor":
+            continue
+        triangles = _triangles(model, geom)
+        if triangles is None:
+            continue
+        vertices, faces = triangles
+        body = model.geom_bodyid[geom]
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        local = vertices @ rotation.reshape(3, 3).T + model.geom_pos[geom]
+        if model.body_weldid[body] == 0:  # never moves: say where it is in the world
+            local = local @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
+            name = ""
+        else:
+            name = model.body(body).name
+        label = model.geom(geom).name or f"{model.body(body).name}/{geom}"
+        geometries.append(Geometry(name, local.astype(np.float32), faces, _colour(model, geom), label))
+    cameras = []
+    for camera in spec.cameras:
+        index = model.camera(camera.name).id
+        quaternion = np.zeros(4)
+        mujoco.mju_mat2Quat(quaternion, data.cam_xmat[index])
+        pose = tuple(float(value) for value in (*data.cam_xpos[index], *quaternion))
+        cameras.append(Camera(camera.name, pose, float(np.deg2rad(camera.fovy_degrees)), camera.width, camera.height))
+    return Scenery(tuple(geometries), tuple(cameras))
+
+
+def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, float, float, float]:
+    """The geom's own colour; where a texture covers it, the texture's mean."""
+    rgba = np.array(model.geom_rgba[geom], dtype=float)
+    material = model.geom_matid[geom]
+    if material >= 0:
+        rgba = np.array(model.mat_rgba[material], dtype=float)
+        texture = model.mat_texid[material][mujoco.mjtTextureRole.mjTEXROLE_RGB]
+        if texture >= 0:
+            start, channels = model.tex_adr[texture], model.tex_nchannel[texture]
+            count = model.tex_height[texture] * model.tex_width[texture] * channels
+            texels = model.tex_data[start : start + count].reshape(-1, channels)[:, :3]
+            rgba[:3] *= texels.mean(axis=0) / 255.0
+    return (float(rgba[0]), float(rgba[1]), float(rgba[2]), float(rgba[3]))
+
+
+def _triangles(
+    model: mujoco.MjModel, geom: int
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]] | None:
+    kind, size = model.geom_type[geom], model.geom_size[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.geom_dataid[geom]
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        start, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+        return _clustered(
+            np.asarray(model.mesh_vert[first : first + count], dtype=np.float64), model.mesh_face[start : start + faces]
+        )
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64) * size
+        quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+        # Corners are not shared between faces, so that each face is flat when shaded.
+        vertices = np.concatenate([corners[list(quad)] for quad in quads])
+        offsets = 4 * np.arange(6)[:, None, None]
+        return vertices, (offsets + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3).astype(np.uint32)
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return _cylinder(float(size[0]), float(size[1]))
+    return None
+
+
+def _cylinder(radius: float, half: float, sides: int = 24) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:
+    angles = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
+    bottom, top = np.column_stack([ring, np.full(sides, -half)]), np.column_stack([ring, np.full(sides, half)])
+    vertices = np.concatenate([bottom, top, [[0, 0, -half], [0, 0, half]]])
+    i, j = np.arange(sides), (np.arange(sides) + 1) % sides
+    faces = np.concatenate(
+        [
+            np.stack([i, j, j + sides], axis=1),
+            np.stack([i, j + sides, i + sides], axis=1),
+            np.stack([np.full(sides, 2 * sides), j, i], axis=1),
+            np.stack([np.full(sides, 2 * sides + 1), i + sides, j + sides], axis=1),
+        ]
+    )
+    return vertices, faces.astype(np.uint32)
+
+
+def _clustered(
+    vertices: npt.NDArray[np.float64], faces: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:
+    """The mesh with vertices merged per grid cell and the triangles that this leaves."""
+    _, index, inverse = np.unique(np.round(vertices / _CELL), axis=0, return_index=True, return_inverse=True)
+    merged = inverse.reshape(-1)[faces]
+    distinct = (merged[:, 0] != merged[:, 1]) & (merged[:, 1] != merged[:, 2]) & (merged[:, 2] != merged[:, 0])
+    kept = np.unique(merged[distinct], axis=0)
+    return vertices[index], kept.astype(np.uint32)

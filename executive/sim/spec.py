@@ -1,0 +1,182 @@
+"""What a `scene.toml` may say: tables, items, cameras, the robot's place and home pose. Data only, checked at birth.
+
+Lengths are in m, angles in rad unless a key says degrees, positions in the world frame (z up, the floor at z = 0,
++x from the robot towards the tables).
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from executive.errors import DomainError, nearest
+
+Vec3 = tuple[float, float, float]
+Colour = tuple[float, float, float, float]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")]
+Positive = Annotated[float, Field(gt=0)]
+
+ASSETS = ("milk", "bread", "lemon", "can", "cereal", "bottle")
+"""robosuite's objects that an item may be made from."""
+
+TEXTURES = {"wood": "light-wood.png", "dark-wood": "dark-wood.png", "ceramic": "ceramic.png"}
+"""robosuite's textures that a table may wear."""
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class RobotSpec(_Strict):
+    """Where the arm stands and how it waits."""
+
+    position: Vec3
+    yaw: float = 0.0
+    home: Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
+    reach: tuple[Positive, Positive] = (0.25, 0.76)
+    """Horizontal distance from the base's axis, nearest and farthest, within which items are placed."""
+    speed: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """Share of the arm's rated joint velocities and accelerations that is used."""
+
+
+class TableSpec(_Strict):
+    """A box whose top face, at `centre`, carries items. `size` is the full extent along its own x, y and z."""
+
+    name: Name
+    centre: Vec3
+    size: tuple[Positive, Positive, Positive]
+    yaw: float = 0.0
+    rgba: Colour = (1.0, 1.0, 1.0, 1.0)
+    texture: Literal["wood", "dark-wood", "ceramic"] | None = None
+
+
+class ItemSpec(_Strict):
+    """A thing to be moved: a robosuite asset, scaled, or a primitive shape."""
+
+    name: Name
+    asset: str | None = None
+    scale: Positive | tuple[Positive, Positive, Positive] = 1.0
+    shape: Literal["box", "cylinder"] | None = None
+    size: Vec3 | None = None
+    """Full extents of a primitive: (x, y, z); a cylinder's diameter is x."""
+    rgba: Colour | None = None
+    mass: Positive = 0.1
+    friction: Positive = 0.95
+
+    @model_validator(mode="after")
+    def _one_body(self) -> Self:
+        if (self.asset is None) == (self.shape is None):
+            raise ValueError("an item needs either 'asset' or 'shape' (with 'size')")
+        if self.asset is not None and self.asset not in ASSETS:
+            raise ValueError(f"no asset {self.asset!r}; {nearest(self.asset, ASSETS)}")
+        if self.shape is not None and (self.size is None or min(self.size) <= 0):
+            raise ValueError("a 'shape' needs 'size' = [x, y, z], each above 0")
+        return self
+
+
+class CameraSpec(_Strict):
+    """A fixed camera at `position` that looks at `target`."""
+
+    name: Name
+    position: Vec3
+    target: Vec3
+    fovy_degrees: Annotated[float, Field(gt=1, lt=150)] = 45.0
+    width: Annotated[int, Field(ge=16, le=4096)] = 384
+    height: Annotated[int, Field(ge=16, le=4096)] = 384
+
+
+class PlacementSpec(_Strict):
+    """How items are put down at random: `gap` between any two (surface to surface), `margin` to the table's edge."""
+
+    gap: Positive = 0.06
+    margin: Annotated[float, Field(ge=0)] = 0.03
+
+
+class SceneSpec(_Strict):
+    """A whole scene file."""
+
+    robot: RobotSpec
+    tables: Annotated[tuple[TableSpec, ...], Field(min_length=1, alias="table")]
+    items: Annotated[tuple[ItemSpec, ...], Field(min_length=1, alias="item")]
+    cameras: Annotated[tuple[CameraSpec, ...], Field(min_length=1, alias="camera")]
+    placement: PlacementSpec = PlacementSpec()
+    timestep: Annotated[float, Field(gt=0, le=0.005)] = 0.002
+
+    @model_validator(mode="after")
+    def _names_once(self) -> Self:
+        for kind, names in (
+            ("item or table", [thing.name for thing in (*self.items, *self.tables)]),
+            ("camera", [camera.name for camera in self.cameras]),
+        ):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise ValueError(f"{kind} {twice[0]!r} is named twice")
+        return self
+
+    def restricted_to(self, objects: Mapping[str, str], file: Path) -> SceneSpec:
+        """The same scene with the items of one problem alone.
+
+        Args:
+            objects: the problem's objects, name -> PDDL type.
+            file: the scene file, for the error message.
+
+        Raises:
+            DomainError: an object of the problem has no body here.
+        """
+        bodies = [thing.name for thing in (*self.items, *self.tables)]
+        for name in objects:
+            if name not in bodies:
+                raise DomainError(
+                    f"the problem's object {name!r} has no body: add an [[item]] or [[table]] with this name; "
+                    f"{nearest(name, bodies)}",
+                    file=file,
+                    key="item",
+                )
+        return self.model_copy(update={"items": tuple(item for item in self.items if item.name in objects)})
+
+
+def read_scene(file: Path) -> SceneSpec:
+    """Read a scene file.
+
+    Raises:
+        DomainError: the file is missing, is no TOML, or a key is wrong; file and key are named.
+    """
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DomainError(f"cannot be read: {error}", file=file) from error
+    try:
+        return SceneSpec.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise DomainError(f"not valid TOML: {error}", file=file) from error
+    except ValidationError as error:
+        raise _explained(error, file) from error
+
+
+def _explained(error: ValidationError, file: Path) -> DomainError:
+    """The first of pydantic's complaints as one line with the key it is about."""
+    first = error.errors()[0]
+    *_, last = path = [str(part) for part in first["loc"]] or ["(whole file)"]
+    key = "".join(f"[{part}]" if part.isdigit() else f".{part}" for part in path).lstrip(".")
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        message = f"unknown key; {nearest(last, _keys_beside(path))}"
+    elif first["type"] == "missing":
+        message = "this key is missing"
+    return DomainError(message, file=file, key=key)
+
+
+def _keys_beside(path: list[str]) -> list[str]:
+    models: dict[str, type[BaseModel]] = {
+        "robot": RobotSpec,
+        "table": TableSpec,
+        "item": ItemSpec,
+        "camera": CameraSpec,
+        "placement": PlacementSpec,
+    }
+    model = models.get(path[0], SceneSpec) if len(path) > 1 else SceneSpec
+    return [field.alias or name for name, field in model.model_fields.items()]

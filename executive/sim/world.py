@@ -1,0 +1,325 @@
+"""The simulated world: it steps, is looked at, is saved and restored, and is disturbed when a fault says so."""
+
+from __future__ import annotations
+
+import heapq
+import io
+import itertools
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+os.environ.setdefault("MUJOCO_GL", "egl")  # off-screen by default; has to be set before mujoco's first import
+
+import mujoco
+import numpy as np
+
+from executive.errors import InputError, MissingError, nearest
+from executive.sim import placement, scene, scenery
+from executive.sim.handle import ArmLimits, Handle
+from executive.sim.spec import SceneSpec, read_scene
+from executive.types import FloatArray, Frame, Image, Observation, Scenery
+
+CONTROL_PERIOD = 0.008
+"""125 Hz, the rate of the UR controllers."""
+
+FRAME_PERIOD = 0.1
+"""Seconds of the world's time between two frames for those who watch."""
+
+RATED_VELOCITY = np.full(6, np.pi)
+"""The UR5e's rated joint velocity, 180 degrees/s for every joint (its data sheet)."""
+
+RATED_ACCELERATION = np.full(6, 8.0)
+"""rad/s^2. The data sheet gives none; this keeps the servos well within their torque limits."""
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+class MujocoWorld:
+    """A scene with a robot and the items of one problem, drawn by seed.
+
+    Args:
+        file: the domain's `scene.toml`.
+        objects: the problem's objects, name -> type; every one needs a body in the scene.
+        seed: fixes where the items stand and every error of perception.
+        placed: item -> table for the items whose place the problem declares.
+        grasp_noise: standard deviation in m of the horizontal error with which a grasped item's pose is known.
+        home_pose: whether skills end at the home pose.
+
+    Raises:
+        DomainError: the scene file is wrong, or an object has no body.
+        MissingError: robosuite or an off-screen OpenGL is missing.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        objects: Mapping[str, str],
+        seed: int = 0,
+        placed: Mapping[str, str] | None = None,
+        grasp_noise: float = 0.0,
+        home_pose: bool = True,
+    ) -> None:
+        self.spec: SceneSpec = read_scene(file).restricted_to(objects, file)
+        self.model = scene.build(self.spec).compile()
+        self.data = mujoco.MjData(self.model)
+        self.shapes = scene.item_shapes(self.model, self.spec)
+        self._placement_rng, self._noise_rng = (
+            np.random.default_rng(child) for child in np.random.SeedSequence([seed, 0x5EED]).spawn(2)
+        )
+        self._grasp_noise = grasp_noise
+        self._misplaced: FloatArray | None = None
+        self._forced_open_until = -1.0
+        self._scheduled: list[tuple[float, int, Callable[[], None]]] = []
+        self._ids = itertools.count()
+        self._listener: Callable[[Frame], None] | None = None
+        self._next_frame = 0.0
+        self._observations = itertools.count()
+        self._renderer: mujoco.Renderer | None = None
+        self._steps = max(1, round(CONTROL_PERIOD / self.spec.timestep))
+        self._arm = np.array([self.model.joint(name).qposadr[0] for name in scene.JOINTS])
+        self._servo = np.array([self.model.actuator(name).id for name in scene.JOINTS])
+        self._lag = np.array([damping / stiffness for stiffness, damping in scene.SERVO])
+        self._fingers = np.array([self.model.actuator(name).id for name in scene.FINGER_DRIVES])
+        self._finger_joints = np.array([self.model.joint(name).qposadr[0] for name in scene.FINGER_JOINTS])
+        self._pads = [self.model.geom(name).id for name in scene.PADS]
+        self._items = {item.name: self.model.joint(f"{item.name}/free").qposadr[0] for item in self.spec.items}
+        self._reset(dict(placed or {}), file)
+        self.handle = Handle(
+            limits=self._limits(),
+            tables={table.name: table for table in self.spec.tables},
+            shapes=self.shapes,
+            planning_spec=lambda: scene.build(self.spec, visuals=False),
+            control_period=self._steps * self.model.opt.timestep,
+            home_pose=home_pose,
+            body=self,
+        )
+
+    # The World seam.
+
+    @property
+    def time(self) -> float:
+        return float(self.data.time)
+
+    def observe(self, cause: str = "") -> Observation:
+        images = {camera.name: self.render(camera.name) for camera in self.spec.cameras}
+        return Observation(next(self._observations), self.time, images, self.joints(), cause)
+
+    def render(self, camera: str) -> Image:
+        """One camera's picture, (H, W, 3) uint8."""
+        size = next(spec for spec in self.spec.cameras if spec.name == camera)
+        renderer = self._rendering(size.height, size.width)
+        options = mujoco.MjvOption()
+        options.geomgroup[:] = 0
+        options.geomgroup[scene.VISUAL] = options.geomgroup[scene.ITEM] = 1
+        mujoco.mj_forward(self.model, self.data)
+        renderer.update_scene(self.data, camera, options)
+        return np.array(renderer.render())
+
+    def snapshot(self) -> bytes:
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self.data, state, _STATE)
+        misplaced = np.full(3, np.nan) if self._misplaced is None else self._misplaced
+        buffer = io.BytesIO()
+        np.savez(
+            buffer,
+            state=state,
+            misplaced=misplaced,
+            forced_open_until=self._forced_open_until,
+            rng=np.frombuffer(repr([g.bit_generator.state for g in (self._placement_rng, self._noise_rng)]).encode(), np.uint8),
+        )
+        return buffer.getvalue()
+
+    def restore(self, snapshot: bytes) -> None:
+        """Continue from a snapshot. What was scheduled for later is forgotten.
+
+        Raises:
+            InputError: the bytes are no snapshot of this scene.
+        """
+        import ast
+
+        try:
+            with np.load(io.BytesIO(snapshot), allow_pickle=False) as saved:
+                state, misplaced = saved["state"], saved["misplaced"]
+                forced, generators = float(saved["forced_open_until"]), ast.literal_eval(saved["rng"].tobytes().decode())
+        except (ValueError, KeyError, OSError, SyntaxError, EOFError) as error:
+            raise InputError(f"not a snapshot of a world: {error}") from error
+        if state.shape != (mujoco.mj_stateSize(self.model, _STATE),):
+            raise InputError("the snapshot is of another scene: its state has another size")
+        mujoco.mj_setState(self.model, self.data, state, _STATE)
+        mujoco.mj_forward(self.model, self.data)
+        for generator, saved_state in zip((self._placement_rng, self._noise_rng), generators, strict=True):
+            generator.bit_generator.state = saved_state
+        self._misplaced = None if np.isnan(misplaced).any() else misplaced
+        self._forced_open_until = forced
+        self._scheduled.clear()
+        self._next_frame = self.time
+
+    def schedule(self, delay: float, action: Callable[[], None]) -> None:
+        heapq.heappush(self._scheduled, (self.time + delay, next(self._ids), action))
+
+    def scenery(self) -> Scenery:
+        return scenery.of(self.model, self.spec)
+
+    def watch(self, listener: Callable[[Frame], None] | None) -> None:
+        self._listener = listener
+        self._next_frame = self.time
+
+    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
+        if kind == "drop":
+            self._forced_open_until = self.time + 1.0
+            return "the gripper opened by itself"
+        if kind == "miss":
+            direction = rng.uniform(-np.pi, np.pi)
+            self._misplaced = 0.075 * np.array([np.cos(direction), np.sin(direction), 0.0])
+            return "the next grasp is aimed 75 mm beside the item"
+        if kind == "shove":
+            return self._shove(rng, arguments.get("item"))
+        raise InputError(f"this world cannot be disturbed by {kind!r}; {nearest(kind, ('drop', 'miss', 'shove'))}")
+
+    # What a skill drives (executive.sim.handle.Body).
+
+    def joints(self) -> FloatArray:
+        return np.array(self.data.qpos[self._arm])
+
+    def gripper_joints(self) -> FloatArray:
+        return np.array(self.data.qpos[self._finger_joints])
+
+    def gripper_width(self) -> float:
+        left, right = (self.data.geom_xpos[pad] for pad in self._pads)
+        return max(0.0, float(np.linalg.norm(left - right)) - 2 * scene.PAD_HALF_THICKNESS)
+
+    def locate(self, item: str) -> FloatArray:
+        pose = self._pose(item)
+        pose[:2] += self._noise_rng.normal(0.0, 1.0, 2) * self._grasp_noise
+        if self._misplaced is not None:
+            pose[:3] += self._misplaced
+            self._misplaced = None
+        return pose
+
+    def obstacles(self) -> dict[str, FloatArray]:
+        return {item: self._pose(item) for item in self._items}
+
+    def command(self, position: FloatArray, velocity: FloatArray) -> None:
+        # A position servo with damping lags a moving target by damping/stiffness seconds; lead by as much.
+        self.data.ctrl[self._servo] = position + self._lag * velocity
+
+    def command_gripper(self, closed: float) -> None:
+        self._closed = float(np.clip(closed, 0.0, 1.0))
+
+    def advance(self) -> None:
+        while self._scheduled and self._scheduled[0][0] <= self.time:
+            heapq.heappop(self._scheduled)[2]()
+        closed = 0.0 if self.time < self._forced_open_until else self._closed
+        self.data.ctrl[self._fingers] = closed * scene.FINGER_CLOSED
+        mujoco.mj_step(self.model, self.data, self._steps)
+        if self._listener is not None and self.time >= self._next_frame:
+            self._next_frame = self.time + FRAME_PERIOD
+            self._listener(self.frame())
+
+    # Inside.
+
+    def frame(self) -> Frame:
+        """Where every body that can move is."""
+        poses = {}
+        for body in range(1, self.model.nbody):
+            if self.model.body_weldid[body] != 0:
+                name = self.model.body(body).name
+                poses[name] = np.concatenate([self.data.xpos[body], self.data.xquat[body]])
+        return Frame(poses, self.joints(), self.gripper_width())
+
+    def settle(self, seconds: float) -> None:
+        """Let time pass with the arm held where it is commanded to be."""
+        for _ in range(max(1, round(seconds / CONTROL_PERIOD))):
+            self.advance()
+
+    def close(self) -> None:
+        """Free the off-screen renderer. Everything else is memory."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _pose(self, item: str) -> FloatArray:
+        start = self._items[item]
+        return np.array(self.data.qpos[start : start + 7])
+
+    def _limits(self) -> ArmLimits:
+        ranges = np.array([self.model.joint(name).range for name in scene.JOINTS])
+        home = np.asarray(self.spec.robot.home, dtype=float)
+        # Within half a turn of home: the arm never winds itself up, and every pose has one name.
+        speed = self.spec.robot.speed
+        return ArmLimits(
+            lower=np.maximum(ranges[:, 0], home - np.pi),
+            upper=np.minimum(ranges[:, 1], home + np.pi),
+            velocity=speed * RATED_VELOCITY,
+            acceleration=speed * RATED_ACCELERATION,
+            home=home,
+        )
+
+    def _reset(self, placed: dict[str, str], file: Path) -> None:
+        home = np.asarray(self.spec.robot.home)
+        self._closed = 0.0
+        for _ in range(20):
+            mujoco.mj_resetData(self.model, self.data)
+            self.data.qpos[self._arm] = home
+            self.command(home, np.zeros(6))
+            poses = placement.draw(self.spec, self.shapes, placed, self._placement_rng, file)
+            for item, pose in poses.items():
+                self.data.qpos[self._items[item] : self._items[item] + 7] = pose
+            mujoco.mj_forward(self.model, self.data)
+            self.settle(0.6)
+            if all(self._stayed(item, pose) for item, pose in poses.items()):
+                self.data.time = 0.0
+                return
+        raise InputError("no item placement came to rest upright in 20 draws; give [placement] more room", file=file)
+
+    def _stayed(self, item: str, pose: FloatArray) -> bool:
+        now = self._pose(item)
+        return bool(np.linalg.norm(now[:3] - pose[:3]) < 0.02 and abs(float(now[3:] @ pose[3:])) > 0.99)
+
+    def _shove(self, rng: np.random.Generator, item: str | None) -> str:
+        if item is not None and item not in self._items:
+            raise InputError(f"no item {item!r} to shove; {nearest(item, self._items)}")
+        gripped = self._between_fingers()
+        loose = [name for name in self._items if name != gripped]
+        if item is None and loose:
+            item = loose[int(rng.integers(len(loose)))]
+        if item is None or item == gripped:
+            return "nothing was shoved: the robot holds it"
+        others = {name: pose for name, pose in self.obstacles().items() if name != item}
+        found = placement.free_spot(self.spec, self.shapes, item, others, rng)
+        if found is None:
+            return f"{item} was to be moved, but no table has room"
+        table, pose = found
+        self.data.qpos[self._items[item] : self._items[item] + 7] = pose
+        dof = self.model.joint(f"{item}/free").dofadr[0]
+        self.data.qvel[dof : dof + 6] = 0.0
+        mujoco.mj_forward(self.model, self.data)
+        self.settle(0.3)
+        return f"someone moved {item} to {table}"
+
+    def _between_fingers(self) -> str | None:
+        """The item nearest to the grip point when the fingers are closed around something, so that nobody moves it."""
+        if self._closed < 0.5:
+            return None
+        grip = self.data.site(scene.GRIP_SITE).xpos
+        distance = {name: float(np.linalg.norm(self._pose(name)[:3] - grip)) for name in self._items}
+        nearest_item = min(distance, key=distance.__getitem__)
+        return nearest_item if distance[nearest_item] < 0.15 else None
+
+    def _rendering(self, height: int, width: int) -> mujoco.Renderer:
+        renderer = self._renderer
+        if renderer is None or (renderer.height, renderer.width) != (height, width):
+            self.close()
+            try:
+                renderer = mujoco.Renderer(self.model, height, width)
+            except Exception as error:  # mujoco raises whatever its GL binding raises
+                raise MissingError(
+                    f"no off-screen OpenGL (MUJOCO_GL={os.environ['MUJOCO_GL']}): {error}",
+                    command="apt-get install libegl1 libgl1 libgl1-mesa-dri",
+                ) from error
+            # Shadows and reflections cost a fifth of a picture and hide small items.
+            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
+            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
+            self._renderer = renderer
+        return renderer
