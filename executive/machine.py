@@ -146,6 +146,7 @@ def egl_trouble() -> str | None:
 
     The same calls as MuJoCo's own EGL context makes (EGL_EXT_device_enumeration, EGL_EXT_platform_device).
     """
+    os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # what Mesa would print is said here, in one line
     try:
         egl = ctypes.CDLL("libEGL.so.1")
     except OSError:

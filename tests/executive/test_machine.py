@@ -1,0 +1,95 @@
+"""What the machine lacks is found before a run starts, and named with the command that mends it."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from executive import machine
+from executive.errors import MissingError
+
+
+def test_this_machine_has_all_that_the_tests_need() -> None:
+    assert machine.check() == []
+    machine.require()
+
+
+@pytest.mark.parametrize("python", [(3, 11), (3, 12), (3, 13)])
+def test_supported_pythons(python: tuple[int, int]) -> None:
+    assert machine.wrong_system("linux", python) is None
+
+
+@pytest.mark.parametrize("python", [(2, 7), (3, 10), (3, 14), (4, 0)])
+def test_other_pythons_are_named(python: tuple[int, int]) -> None:
+    missing = machine.wrong_system("linux", python)
+    assert missing is not None
+    assert f"{python[0]}.{python[1]}" in missing.what
+    assert "3.11, 3.12, 3.13" in missing.what
+
+
+def test_windows_is_sent_to_wsl() -> None:
+    missing = machine.wrong_system("win32", (3, 12))
+    assert missing is not None
+    assert "WSL2" in missing.what
+    assert missing.command == "wsl --install"
+
+
+def test_the_supported_pythons_are_those_of_the_package() -> None:
+    """pyproject.toml says them once more, for pip."""
+    pyproject = (Path(machine.__file__).parent.parent / "pyproject.toml").read_text()
+    oldest, too_new = (".".join(map(str, version)) for version in machine.PYTHONS)
+    assert f'requires-python = ">={oldest},<{too_new}"' in pyproject
+
+
+def test_missing_packages_come_with_one_pip_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "PACKAGES", {"no_such_module_a": "robosuite", "no_such_module_b": "somewhere-else"})
+    (missing,) = machine.missing_packages()
+    assert missing.what == "the Python packages robosuite, somewhere-else are missing"
+    command = shlex.split(missing.command)
+    assert command[:4] == [sys.executable, "-m", "pip", "install"]
+    assert command[4:] == ["robosuite==1.5.1", "somewhere-else"]
+
+
+def test_on_arm_linux_fast_downward_is_built_from_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "PACKAGES", {"no_such_module": "up-fast-downward"})
+    monkeypatch.setattr("platform.machine", lambda: "aarch64")
+    monkeypatch.setattr("sys.platform", "linux")
+    (missing,) = machine.missing_packages()
+    assert missing.command.endswith(machine.ENGINE_SOURCE)
+
+
+def test_a_partial_installation_is_reinstalled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "ENGINE", "no/such/file")
+    (missing,) = machine.missing_parts()
+    assert missing.what.startswith("Fast Downward's search engine is missing (")
+    assert "--force-reinstall" in missing.command
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="system libraries are probed on Linux alone")
+def test_system_libraries_come_with_one_apt_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "LIBRARIES", {"libnosuchthing.so.7": "libnosuchthing7"})
+    monkeypatch.setattr(machine, "egl_trouble", lambda: "EGL (no graphics driver)")
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    (missing,) = machine.missing_libraries()
+    assert missing.what == "cannot use libnosuchthing.so.7, EGL (no graphics driver)"
+    assert missing.command == ("sudo apt-get update && sudo apt-get install -y libnosuchthing7 libegl1 libgl1-mesa-dri")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="system libraries are probed on Linux alone")
+def test_egl_is_not_asked_for_where_another_renderer_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "egl_trouble", lambda: "EGL")
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    assert machine.missing_libraries() == []
+
+
+def test_everything_missing_is_one_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    lacks = [machine.Missing("a is missing", "get a"), machine.Missing("b", "get b"), machine.Missing("c", "get a")]
+    monkeypatch.setattr(machine, "check", lambda: lacks)
+    with pytest.raises(MissingError) as raised:
+        machine.require()
+    assert str(raised.value) == "a is missing; b; c; install it with: get a && get b"
+    assert raised.value.exit_code == 3
