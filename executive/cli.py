@@ -1,0 +1,170 @@
+"""The command line: each command a few lines over the library.
+
+Exit codes: 0 goal reached, 1 not reached, 2 bad input, 3 something is missing on the machine, 70 a bug in Executive,
+130 interrupted. Whatever goes wrong is one line on stderr; `executive --debug ...` shows the traceback instead.
+
+Everything heavy is imported inside the command that needs it, so that `executive --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from executive import __version__
+from executive.errors import ExecutiveError
+from executive.types import OutcomeKind
+
+REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
+
+app = typer.Typer(
+    help="Plan, do one thing, look, and ask whether the world is as expected.",
+    epilog="Exit codes: 0 goal reached, 1 not reached, 2 bad input, 3 missing on this machine, 130 interrupted.",
+    add_completion=False,
+    rich_markup_mode=None,
+)
+
+
+@dataclass
+class Settings:
+    """What holds for every command."""
+
+    debug: bool = False
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line (`sys.argv` unless `arguments` are given) and leave the process with its exit code."""
+    sys.exit(exit_code(sys.argv[1:] if arguments is None else arguments))
+
+
+def exit_code(arguments: Sequence[str]) -> int:
+    """Run one command; every error becomes a line on stderr and an exit code."""
+    settings = Settings()
+    try:
+        code = app(list(arguments) or ["--help"], prog_name="executive", standalone_mode=False, obj=settings)
+        sys.stdout.flush()
+        return int(code or 0)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:  # whoever read our output has seen enough; Python's own flush at exit shall not complain
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return NOT_REACHED
+    except Exception as error:
+        if settings.debug:
+            raise
+        code, message = _told(error, arguments)
+        print(f"error: {message}", file=sys.stderr)
+        return code
+
+
+def _told(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
+    """The exit code for an error, and the one line that tells of it."""
+    match error:
+        case ExecutiveError():
+            return error.exit_code, _one_line(str(error))
+        case typer.TyperException():
+            context = getattr(error, "ctx", None)
+            command = context.command_path if context is not None else "executive"
+            return BAD_INPUT, f"{_one_line(error.format_message()).rstrip('.')}; see: {command} --help"
+    again = shlex.join(["executive", "--debug", *arguments])
+    return BUG, f"this is a bug in Executive: {_one_line(f'{type(error).__name__}: {error}')}; traceback: {again}"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"executive {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def executive(
+    context: typer.Context,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    context.obj.debug = debug
+
+
+@app.command()
+def run(
+    domain: Annotated[str, typer.Argument(help="A domain's folder, or the name of one that comes with Executive.")],
+    problem: Annotated[str | None, typer.Option(help="One of the domain's problems (see: executive domains).")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Fixes the scene and every chance after it.")] = 0,
+    estimator: Annotated[str, typer.Option(help="Who says what is true: oracle, or none (go on blindly).")] = "oracle",
+    fault: Annotated[
+        list[str] | None, typer.Option(help="Break something: drop@4, drop:p=0.3, miss@2, shove@3.")
+    ] = None,
+    home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
+    grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.0,
+    max_replans: Annotated[int | None, typer.Option(min=0, help="Give up after so many.")] = None,
+    max_actions: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
+    runs: Annotated[Path, typer.Option(help="Where the run's folder is made.")] = Path("runs"),
+    name: Annotated[str | None, typer.Option(help="The name of the run's folder.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary on stdout, all else on stderr.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors, and --json.")] = False,
+    viewer: Annotated[bool, typer.Option("--trace-viewer/--no-trace-viewer", help="Write trace.rrd, too.")] = True,
+) -> int:
+    """Reach a problem's goal in the simulator, and write down all that happens."""
+    from executive import machine
+
+    machine.require()
+
+    from executive import assemble
+    from executive.trace.terminal import TerminalSink
+
+    config = assemble.RunConfig(
+        domain=domain,
+        problem=problem,
+        seed=seed,
+        estimator=estimator,
+        faults=tuple(fault or ()),
+        home_pose=home_pose,
+        grasp_noise=grasp_noise,
+        max_replans=max_replans,
+        max_actions=max_actions,
+        runs=runs,
+        name=name,
+        viewer=viewer,
+    )
+    sinks = [] if quiet else [TerminalSink(sys.stderr if as_json else sys.stdout)]
+    with _ctrl_c() as cancelled:
+        summary = assemble.run(config, sinks, cancelled)
+    if as_json:
+        print(json.dumps(summary, indent=2))
+    codes = {OutcomeKind.GOAL_REACHED: REACHED, OutcomeKind.INTERRUPTED: INTERRUPTED}
+    return codes.get(OutcomeKind(summary["outcome"]), NOT_REACHED)
+
+
+@contextmanager
+def _ctrl_c() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C once asks the run to stop, which leaves the arm at rest and the trace whole; twice leaves at once."""
+    asked = False
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        if asked:
+            raise KeyboardInterrupt
+        asked = True
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield lambda: asked
+    finally:
+        signal.signal(signal.SIGINT, before)
