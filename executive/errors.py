@@ -17,12 +17,15 @@ class ExecutiveError(Exception):
 
 
 class InputError(ExecutiveError):
-    """Bad input: one line that says what is wrong, where, and what would be right."""
+    """Bad input: one line that says what is wrong, where, and what would be right.
+
+    As text it is one printable line whatever the input was: files of strangers get no control characters through.
+    """
 
     def __init__(self, message: str, *, file: Path | str | None = None, key: str | None = None) -> None:
         self.message, self.file, self.key = message, file, key
-        where = ": ".join(str(part) for part in (file, key) if part is not None)
-        super().__init__(f"{where}: {message}" if where else message)
+        text = ": ".join(str(part) for part in (file, key, message) if part is not None)
+        super().__init__("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split())))
 
 
 class DomainError(InputError):

@@ -1,0 +1,312 @@
+"""Fast Downward, through unified-planning. The only importer of unified_planning, which takes seconds: it is imported
+on the first use, or beforehand in the background (`warm_up`).
+
+Fast Downward is GPL-3 and is asked for by its engine name alone; it runs in processes of its own. Three things about
+the engine shape this file. It writes its intermediate file into the current directory, so that two planners in one
+directory would read each other's task: each call gets a directory of its own. After a timeout its processes may live
+on (unified-planning #681): they are killed here, the whole group. And it has called solvable tasks
+UNSOLVABLE_INCOMPLETELY (up-fast-downward #29, #37): only what it calls proven counts as unsolvable.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import signal
+import tempfile
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+from executive.errors import MissingError
+from executive.ordering import by_goals, holds, replay
+from executive.pddl import Action, Equality, Literal, Schema
+from executive.types import Atom, Facts, NoPlan, NoPlanReason, Plan, Step
+
+ENGINE = "fast-downward"
+_TICK = 0.02
+"""Seconds between two looks at the clock and at the engine."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """One way to search, and the share of the remaining time that it may take."""
+
+    name: str
+    params: Mapping[str, str]
+    share: float
+
+
+_SEARCHES = (
+    _Search("astar(lmcut())", {"fast_downward_search_config": "astar(lmcut())"}, 0.5),
+    _Search("lama-first", {"fast_downward_alias": "lama-first"}, 1.0),
+)
+"""First the shortest plan; where that takes too long, any plan. Both searches are complete and deterministic."""
+
+_FENCE = 'cd "$1" && ulimit -t "$2" && shift 2 && PYTHONHASHSEED=0 exec "$@"'
+"""Runs the engine in a directory of its own, with the same hash seed each time (the translator iterates over sets),
+and with a limit on CPU seconds that ends it even where this process was killed and can end nothing any more."""
+
+
+class FastDownwardPlanner:
+    """Plans for one task from any of its states: the fewest steps where they can be found within half of the time
+    limit, put into the order in which the problem file names the goals (`executive.ordering`).
+
+    The same state and goal give the same plan. Not to be called from two threads at once.
+    """
+
+    def __init__(self, schema: Schema, *, timeout: float = 30.0) -> None:
+        """`timeout` is the wall time in seconds that one call of `plan` may take."""
+        if not timeout > 0:
+            raise ValueError(f"timeout: expected seconds above zero, got {timeout}")
+        self._schema, self._timeout = schema, timeout
+        self._atoms = frozenset(schema.task.atoms)
+        self._lock = threading.Lock()
+        self._built: _Translation | None = None
+
+    def warm_up(self) -> None:
+        """Do in the background what the first call of `plan` needs; that call waits for it."""
+
+        def prepare() -> None:
+            with contextlib.suppress(Exception):  # the same error is raised by `plan`, where somebody can see it
+                self._translation()
+
+        threading.Thread(target=prepare, name="planner-warm-up", daemon=True).start()
+
+    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+        """A plan from `state` to `goal`, or why there is none; see `executive.protocols.Planner`.
+
+        Raises:
+            ValueError: an atom that the task does not have.
+            MissingError: Fast Downward is not installed.
+        """
+        unknown = (state.keys() | goal.keys()) - self._atoms
+        if unknown:
+            raise ValueError(f"the task has no atom {', '.join(map(str, sorted(unknown)))}")
+        started = time.perf_counter()
+        if holds(state.true, goal):
+            return Plan((), 0.0, ENGINE, time.perf_counter() - started)
+        order = [atom for atom in self._schema.goals if atom in goal]
+        order += [atom for atom in goal if atom not in self._schema.goals]
+        translation = self._translation()
+        problem = translation.problem(state.true, [(atom, goal[atom]) for atom in order])
+        failure = NoPlan(NoPlanReason.TIMED_OUT)
+        for search in _SEARCHES:
+            left = self._timeout - (time.perf_counter() - started)
+            if left <= 0:
+                break
+            answer = self._search(translation, problem, search, left * search.share)
+            if not isinstance(answer, NoPlan):
+                steps = by_goals(state, answer, goal, order)
+                end = replay(state.true, steps)
+                if end is not None and holds(end, goal):
+                    seconds = time.perf_counter() - started
+                    return Plan(steps, float(len(steps)), f"{ENGINE} {search.name}", seconds)
+                answer = NoPlan(NoPlanReason.CRASHED, "the engine's plan does not reach the goal")
+            failure = answer
+            if failure.reason is NoPlanReason.UNSOLVABLE:
+                break
+        detail = failure.detail
+        if failure.reason is NoPlanReason.TIMED_OUT:
+            detail = f"neither a plan nor a proof that there is none within {self._timeout:g} s"
+        return NoPlan(failure.reason, detail, ENGINE, time.perf_counter() - started)
+
+    def _translation(self) -> _Translation:
+        with self._lock:
+            if self._built is None:
+                self._built = _Translation(self._schema)
+            return self._built
+
+    def _search(
+        self, translation: _Translation, problem: Any, search: _Search, seconds: float
+    ) -> tuple[Step, ...] | NoPlan:
+        """What the engine's answer means. Whatever goes wrong inside it is a crash, never an exception."""
+        try:
+            result, expired = _solve(translation.environment, problem, search, seconds)
+            status = result.status.name
+            if status.startswith("SOLVED"):
+                return tuple(self._schema.ground(*translation.names(instance)) for instance in result.plan.actions)
+        except Exception as error:
+            return NoPlan(NoPlanReason.CRASHED, f"{type(error).__name__}: {error}")
+        if expired or status == "TIMEOUT":
+            return NoPlan(NoPlanReason.TIMED_OUT)
+        if status == "UNSOLVABLE_PROVEN":
+            return NoPlan(NoPlanReason.UNSOLVABLE, "the goal cannot be reached from this state")
+        return NoPlan(NoPlanReason.CRASHED, f"the engine ended with {status}: {_last_words(result)}")
+
+
+class _Translation:
+    """The task as unified-planning has it, built once.
+
+    Names get a letter in front, so that a type and an object may share one and no word of PDDL's own is hit. What is
+    quantified is written out, because Fast Downward would otherwise compile it to axioms, which its best heuristics
+    do not take. A constant inside an action becomes a parameter of a type with that one member: unified-planning
+    keeps constants in sets, whose order changes from process to process, and with it the plan.
+    """
+
+    def __init__(self, schema: Schema) -> None:
+        try:
+            from unified_planning.environment import Environment
+            from unified_planning.model import Fluent, Object, Problem
+        except ImportError as error:
+            raise MissingError(f"unified-planning: {error}", command="pip install unified-planning") from error
+        self.environment: Any = Environment()
+        self.environment.credits_stream = None
+        if ENGINE not in self.environment.factory.engines:
+            raise MissingError("Fast Downward is not installed", command="pip install up-fast-downward")
+        self._expressions = self.environment.expression_manager
+        types: dict[str, Any] = {}
+        while len(types) < len(schema.typing.supertypes):
+            for name, parent in schema.typing.supertypes.items():
+                if name not in types and (parent is None or parent in types):
+                    father = None if parent is None else types[parent]
+                    types[name] = self.environment.type_manager.UserType(f"t_{name}", father)
+        bodies = {name: _body(schema, action) for name, action in schema.actions.items()}
+        constants = {term for body in bodies.values() for term in _constants(body)}
+        only = {
+            name: self.environment.type_manager.UserType(f"c_{name}", types[schema.typing.objects[name]])
+            for name in sorted(constants)
+        }
+        self._problem: Any = Problem(
+            "task", self.environment, initial_defaults={self.environment.type_manager.BoolType(): False}
+        )
+        self._objects = {
+            name: Object(f"o_{name}", only.get(name, types[kind]), self.environment)
+            for name, kind in schema.typing.objects.items()
+        }
+        self._problem.add_objects(self._objects.values())
+        self._fluents = {
+            name: Fluent(
+                f"p_{name}",
+                self.environment.type_manager.BoolType(),
+                OrderedDict((f"v_{index}", types[kind]) for index, kind in enumerate(kinds)),
+                self.environment,
+            )
+            for name, kinds in schema.predicates.items()
+        }
+        for fluent in self._fluents.values():
+            self._problem.add_fluent(fluent)
+        self._arity = {name: len(action.parameters) for name, action in schema.actions.items()}
+        for name, action in schema.actions.items():
+            parameters = [(variable, types[kind]) for variable, kind in action.parameters]
+            parameters += [(constant, only[constant]) for constant in _constants(bodies[name])]
+            self._problem.add_action(self._action(name, parameters, bodies[name]))
+
+    def problem(self, true: Iterable[Atom], goals: Sequence[tuple[Atom, bool]]) -> Any:
+        """The planning problem that starts where exactly the atoms in `true` are true."""
+        problem = self._problem.clone()
+        for atom in sorted(true):
+            problem.set_initial_value(self._atom(atom), True)
+        for atom, value in goals:
+            problem.add_goal(self._atom(atom) if value else self._expressions.Not(self._atom(atom)))
+        return problem
+
+    def names(self, instance: Any) -> tuple[str, tuple[str, ...]]:
+        """The action and its arguments, as the PDDL files call them."""
+        name = instance.action.name.removeprefix("a_")
+        arguments = (str(parameter.object().name) for parameter in instance.actual_parameters)
+        return name, tuple(argument.removeprefix("o_") for argument in islice(arguments, self._arity[name]))
+
+    def _atom(self, atom: Atom) -> Any:
+        return self._expressions.FluentExp(self._fluents[atom.predicate], [self._objects[arg] for arg in atom.args])
+
+    def _action(self, name: str, parameters: Sequence[tuple[str, Any]], body: _Body) -> Any:
+        from unified_planning.model import InstantaneousAction
+
+        renamed = {term: f"v_{index}" for index, (term, _) in enumerate(parameters)}
+        action = InstantaneousAction(
+            f"a_{name}", OrderedDict((renamed[term], kind) for term, kind in parameters), self.environment
+        )
+
+        def term(word: str) -> Any:
+            return self._expressions.ParameterExp(action.parameter(renamed[word]))
+
+        for condition in body.preconditions:
+            if isinstance(condition, Equality):
+                expression = self._expressions.Equals(term(condition.left), term(condition.right))
+            else:
+                fluent = self._fluents[condition.predicate]
+                expression = self._expressions.FluentExp(fluent, [term(word) for word in condition.terms])
+            action.add_precondition(expression if condition.positive else self._expressions.Not(expression))
+        for effect in body.effects:
+            fluent = self._fluents[effect.predicate]
+            expression = self._expressions.FluentExp(fluent, [term(word) for word in effect.terms])
+            action.add_effect(expression, effect.positive)
+        return action
+
+
+@dataclass(frozen=True, slots=True)
+class _Body:
+    """An action's conditions with its parameters left open and its quantifiers written out."""
+
+    preconditions: tuple[Literal | Equality, ...]
+    effects: tuple[Literal, ...]
+
+
+def _body(schema: Schema, action: Action) -> _Body:
+    effects = dict.fromkeys(c for c in schema.typing.expand(action.effects, {}) if isinstance(c, Literal))
+    adds = {(effect.predicate, effect.terms) for effect in effects if effect.positive}
+    return _Body(
+        tuple(dict.fromkeys(schema.typing.expand(action.preconditions, {}))),
+        tuple(effect for effect in effects if effect.positive or (effect.predicate, effect.terms) not in adds),
+    )
+
+
+def _constants(body: _Body) -> list[str]:
+    """The objects that an action's body names, each once, in order."""
+    words: dict[str, None] = {}
+    for condition in (*body.preconditions, *body.effects):
+        terms = (condition.left, condition.right) if isinstance(condition, Equality) else condition.terms
+        words.update(dict.fromkeys(term for term in terms if not term.startswith("?")))
+    return list(words)
+
+
+def _solve(environment: Any, problem: Any, search: _Search, seconds: float) -> tuple[Any, bool]:
+    """Run the engine: its result, and whether it was ended because its time was up."""
+    with tempfile.TemporaryDirectory(prefix="executive-plan-") as folder:
+        engine = environment.factory.OneshotPlanner(name=ENGINE, params=dict(search.params))
+        command = engine._get_cmd
+        limit = str(math.ceil(seconds) + 1)
+        engine._get_cmd = lambda *files: ["sh", "-c", _FENCE, "sh", folder, limit, *map(str, command(*files))]
+        over, expired = threading.Event(), threading.Event()
+        guard = threading.Thread(target=_guard, args=(engine, seconds, over, expired), name="planner-guard")
+        guard.start()
+        try:
+            result = engine.solve(problem)
+        finally:
+            over.set()
+            guard.join()
+            _end(engine)  # still there only when an exception, such as Ctrl-C, came in between
+        return result, expired.is_set()
+
+
+def _guard(engine: Any, seconds: float, over: threading.Event, expired: threading.Event) -> None:
+    """End the engine's processes when the time is up, and those that a dead engine left behind."""
+    deadline = time.monotonic() + seconds
+    while not over.wait(_TICK):
+        if time.monotonic() >= deadline:
+            expired.set()
+            _end(engine)
+        elif engine._process is not None and engine._process.poll() is not None:
+            _end(engine)
+
+
+def _end(engine: Any) -> None:
+    """Kill the engine's process group, of which the engine is the leader. There is nothing in it worth a farewell."""
+    process = engine._process
+    if process is not None:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _last_words(result: Any) -> str:
+    """The line of the engine's output that says most about how it ended: the last one on stderr, or an exit code."""
+    lines = [line.strip() for message in result.log_messages or () for line in message.message.splitlines()]
+    errors = [message.message.strip() for message in result.log_messages or () if message.level.name == "ERROR"]
+    codes = [line for line in lines if "exit code" in line]
+    return next((words.splitlines()[-1] for words in (*errors, *reversed(codes)) if words), "it said nothing")
