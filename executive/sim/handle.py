@@ -29,7 +29,7 @@ class ArmLimits:
     home: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Handle:
     """The robot as a skill sees it. All poses are (7,): position in m, then quaternion (w, x, y, z), world frame."""
 

@@ -74,7 +74,7 @@ def free_spot(
 
 def footprint(shape: ItemShape) -> float:
     """Radius in m of the circle around an upright item's outline."""
-    return float(shape.half[0] if shape.round else np.hypot(shape.half[0], shape.half[1]))
+    return float(shape.half[0] if shape.axis == 2 else np.hypot(shape.half[0], shape.half[1]))
 
 
 def random_point(table: TableSpec, inset: float, rng: np.random.Generator) -> FloatArray | None:

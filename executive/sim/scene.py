@@ -61,8 +61,16 @@ class ItemShape:
     name: str
     centre: FloatArray
     half: FloatArray
-    round: bool
-    """Whether the horizontal cross-section is a circle, so that any yaw of a grasp is as good as any other."""
+    axis: int | None = None
+    """The body axis (0, 1, 2 for x, y, z) that the shape is round about, None for a box."""
+
+    def reach(self, direction: FloatArray) -> float:
+        """How far in m the shape extends from its centre along the unit vector `direction` (3,) of its own frame."""
+        if self.axis is None:
+            return float(np.abs(direction) @ self.half)
+        along = abs(float(direction[self.axis]))
+        radius = float(np.delete(self.half, self.axis).max())
+        return along * float(self.half[self.axis]) + radius * math.sqrt(max(0.0, 1.0 - along * along))
 
 
 def build(spec: SceneSpec, *, visuals: bool = True) -> mujoco.MjSpec:
@@ -136,6 +144,8 @@ def _robot(scene: mujoco.MjSpec, spec: SceneSpec) -> None:
         name="pedestal", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.09, 0.5 * z - 0.001, 0], pos=[x, y, 0.5 * z - 0.001],
         rgba=[0.25, 0.26, 0.28, 1], group=ITEM,
     )  # fmt: skip
+    # MuJoCo leaves out contacts between parent and child, but not where the parent is fixed to the world.
+    scene.add_exclude(bodyname1="fixed_base_link", bodyname2="shoulder_link")
     for site in scene.sites:
         site.rgba = [0, 0, 0, 0]
     moving = False
@@ -286,6 +296,10 @@ def _camera(scene: mujoco.MjSpec, camera: CameraSpec) -> None:
     )
 
 
+_ROUND = {"can": 2, "bottle": 2, "lemon": 0}
+"""robosuite's assets that are round, and about which axis of their body."""
+
+
 def item_shapes(model: mujoco.MjModel, spec: SceneSpec) -> dict[str, ItemShape]:
     """Each item's bounding box, from the compiled geometry."""
     shapes = {}
@@ -297,8 +311,8 @@ def item_shapes(model: mujoco.MjModel, spec: SceneSpec) -> dict[str, ItemShape]:
                 continue
             points = _in_root_frame(model, geom, _geom_points(model, geom))
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-        circular = item.shape == "cylinder" or item.asset in ("can", "bottle")
-        shapes[item.name] = ItemShape(item.name, 0.5 * (low + high), 0.5 * (high - low), circular)
+        axis = 2 if item.shape == "cylinder" else _ROUND.get(item.asset or "")
+        shapes[item.name] = ItemShape(item.name, 0.5 * (low + high), 0.5 * (high - low), axis)
     return shapes
 
 

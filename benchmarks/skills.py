@@ -1,0 +1,82 @@
+"""Pick and place on random scenes: `python -m benchmarks.skills --scenes 100` prints the success rates per item.
+
+Each scene draws all six items at random, picks one, and places it on another table; the verdict is the simulator's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from executive.protocols import SkillContext
+from executive.sim.truth import Truth
+from executive.sim.world import MujocoWorld
+from executive.types import Atom, Facts, SkillResult, Step
+from skills.pick import pick
+from skills.place import place
+
+ITEMS = ("milk-carton", "bread-loaf", "lemon", "soda-can", "cereal-box", "water-bottle")
+TABLES = ("wood-table", "black-table", "white-table")
+MEANING = {"on-table": "on", "robot-gripping": "gripping", "robot-gripper-empty": "gripper-empty"}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=int, default=100, help="random scenes per item")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--grasp-noise", type=float, default=0.0)
+    parser.add_argument("--items", nargs="*", default=ITEMS)
+    arguments = parser.parse_args()
+    scene = Path(__file__).parent.parent / "domains" / "grocery" / "scene.toml"
+    objects = {**dict.fromkeys(ITEMS, "item"), **dict.fromkeys(TABLES, "table")}
+    tally: dict[str, collections.Counter[str]] = {item: collections.Counter() for item in arguments.items}
+    failures: list[str] = []
+    began, simulated, actions = time.perf_counter(), 0.0, 0
+    for item in arguments.items:
+        for index in range(arguments.scenes):
+            seed = arguments.seed + 1000 * ITEMS.index(item) + index
+            world = MujocoWorld(scene, objects, seed, grasp_noise=arguments.grasp_noise)
+            truth = Truth(world, MEANING)
+            rng = np.random.default_rng(seed)
+            source = next(t for t in TABLES if truth.of([Atom("on-table", (item, t))]).true)
+            target = TABLES[(TABLES.index(source) + 1 + int(rng.integers(2))) % 3]
+            holds = Atom("robot-gripping", (item,))
+            first = _do(world, pick, Step("pick", (item, source), Facts(), Facts()), rng)
+            picked = first.done and bool(truth.of([holds]).true)
+            tally[item]["picked"] += picked
+            simulated, actions = simulated + first.seconds, actions + 1
+            if not picked:
+                failures.append(f"seed {seed}: {first.step}: {first.status} {first.reason}")
+                continue
+            second = _do(world, place, Step("place", (item, target), Facts(), Facts()), rng)
+            placed = second.done and bool(truth.of([Atom("on-table", (item, target))]).true)
+            tally[item]["placed"] += placed
+            simulated, actions = simulated + second.seconds, actions + 1
+            if not placed:
+                failures.append(f"seed {seed}: {second.step}: {second.status} {second.reason}")
+        print(f"{item}: {dict(tally[item])}", file=sys.stderr)
+    wall = time.perf_counter() - began
+    print(f"{'item':<14}{'scenes':>8}{'picked':>8}{'placed':>8}")
+    for item, count in tally.items():
+        print(f"{item:<14}{arguments.scenes:>8}{count['picked']:>8}{count['placed']:>8}")
+    total = arguments.scenes * len(tally)
+    picked, placed = sum(c["picked"] for c in tally.values()), sum(c["placed"] for c in tally.values())
+    print(f"{'all':<14}{total:>8}{picked:>8}{placed:>8}")
+    print(f"pick {picked / total:.1%} of scenes, place {placed / max(picked, 1):.1%} of what was picked; "
+          f"{simulated / actions:.1f} simulated and {wall / actions:.2f} wall seconds an action")
+    for line in failures:
+        print(line)
+
+
+def _do(world: MujocoWorld, skill: object, step: Step, rng: np.random.Generator) -> SkillResult:
+    context = SkillContext(world.handle, rng, lambda _: None, lambda: False)
+    return skill(step, context)  # type: ignore[operator, no-any-return]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""What a predicate means in the simulator: the truth that scores a run, labels pictures and answers for the oracle.
+
+Each relation is registered under the entry-point group `executive.relations`, so that a domain names it by a word.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from executive.sim.spec import TableSpec
+
+_LEFT = ("left_outer_knuckle", "left_inner_finger", "left_inner_knuckle")
+_RIGHT = ("right_outer_knuckle", "right_inner_finger", "right_inner_knuckle")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """One moment of the simulation, contacts included."""
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    tables: Mapping[str, TableSpec]
+    items: tuple[str, ...]
+
+    def contacts(self, item: str) -> set[str]:
+        """The names of the bodies that touch an item; a body inside an item counts as the item."""
+        root = self.model.body(item).id
+        touching = set()
+        for index in range(self.data.ncon):
+            contact = self.data.contact[index]
+            first, second = (int(self.model.geom_bodyid[geom]) for geom in contact.geom)
+            for one, other in ((first, second), (second, first)):
+                if self.model.body_rootid[one] == root and self.model.body_rootid[other] != root:
+                    owner = self.model.body(self.model.body_rootid[other]).name
+                    touching.add(owner if owner in self.items else self.model.body(other).name)
+        return touching
+
+
+def on(state: State, item: str, table: str) -> bool:
+    """The item rests on the table, directly or on other items, and is not gripped.
+
+    Where it touches several tables at once, it is on the one that its centre of mass is nearest to.
+    """
+    if gripping(state, item):
+        return False
+    seen, frontier, tables = {item}, [item], set()
+    while frontier:
+        for body in state.contacts(frontier.pop()):
+            if body in state.tables:
+                tables.add(body)
+            elif body in state.items and body not in seen:
+                seen.add(body)
+                frontier.append(body)
+    if not tables:
+        return False
+    centre = state.data.subtree_com[state.model.body(item).id]
+    return table == min(sorted(tables), key=lambda name: _outside(centre, state.tables[name]))
+
+
+def gripping(state: State, item: str) -> bool:
+    """The item is between the fingers: both touch it."""
+    touching = state.contacts(item)
+    return not touching.isdisjoint(_LEFT) and not touching.isdisjoint(_RIGHT)
+
+
+def gripper_empty(state: State) -> bool:
+    """No item is between the fingers."""
+    return not any(gripping(state, item) for item in state.items)
+
+
+def _outside(point: np.ndarray[tuple[int], np.dtype[np.float64]], table: TableSpec) -> float:
+    """Horizontal distance in m from the table's rectangle, 0 inside."""
+    x, y = point[:2] - np.asarray(table.centre[:2])
+    cos, sin = np.cos(table.yaw), np.sin(table.yaw)
+    local = np.abs([cos * x + sin * y, -sin * x + cos * y]) - 0.5 * np.asarray(table.size[:2])
+    return float(np.linalg.norm(np.maximum(local, 0.0)))

@@ -1,0 +1,220 @@
+"""The arm as skills use it: planned motions followed with the senses awake, and fingers that know when they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from executive.protocols import SkillContext
+from executive.sim.handle import Handle
+from executive.types import FloatArray, Motion, Phase, SkillResult, SkillStatus, Step
+from skills import trajectory
+from skills.collision import CollisionModel, Held
+from skills.ik import Kinematics
+from skills.motion import MotionPlanner
+
+OPEN_WIDTH = 0.080
+"""m; wider than this the fingers are open."""
+
+_EMPTY_WIDTH = 0.004
+"""m; narrower than this the fingers have closed on nothing."""
+
+_SLACK = 0.008
+"""m; what is held may shift between the pads by this much before it counts as dropped."""
+
+_BLOCKED = 0.25
+"""rad; a joint that is this far from where it is commanded to be is held up by something."""
+
+_GRIP_SECONDS = 0.6
+_BRAKE_SECONDS = 0.25
+
+
+class Failure(Exception):
+    """Ends a skill early with a status and a reason. Raised and caught inside this package alone."""
+
+    def __init__(self, status: SkillStatus, reason: str) -> None:
+        super().__init__(reason)
+        self.status, self.reason = status, reason
+
+
+class Arm:
+    """Kinematics, collision model and motion planner of one handle; built once, used by all its skills."""
+
+    def __init__(self, handle: Handle) -> None:
+        self.handle = handle
+        self.kinematics = Kinematics(handle)
+        self.collision = CollisionModel(handle)
+        self.planner = MotionPlanner(handle.limits, self.collision.free)
+
+
+_ARMS: WeakKeyDictionary[Handle, Arm] = WeakKeyDictionary()
+
+
+def arm_of(handle: Handle) -> Arm:
+    """The arm of a handle, built at its first use."""
+    if handle not in _ARMS:
+        _ARMS[handle] = Arm(handle)
+    return _ARMS[handle]
+
+
+class Attempt:
+    """One execution of one step: what it has planned, done and felt so far."""
+
+    def __init__(self, step: Step, context: SkillContext) -> None:
+        self.step, self.context = step, context
+        self.handle: Handle = context.handle
+        self.body = self.handle.body
+        self.arm = arm_of(self.handle)
+        self._began = self.body.time
+        self._ahead = 0.0
+        self._grip_width: float | None = None
+
+    @property
+    def holding(self) -> bool:
+        """Whether the fingers are around something, as their encoders tell."""
+        return _EMPTY_WIDTH < self.body.gripper_width() < OPEN_WIDTH
+
+    def phase(self, name: str, detail: str = "", seconds: float = 0.0) -> None:
+        self.context.announce(Phase(name, detail, seconds))
+
+    def plan(self, goals: Sequence[FloatArray], held: Held | None = None) -> FloatArray | None:
+        """A free path (N, 6) from here to one of `goals`, among all items where they are now."""
+        self.look_around(held)
+        seed = int(self.context.rng.integers(2**31))
+        found = self.arm.planner.plan(self.body.joints(), goals, seed)
+        self._last_plan = found
+        return None if found is None else found.configurations
+
+    def look_around(self, held: Held | None = None, ignored: Sequence[str] = ()) -> None:
+        """Bring the collision model up to date."""
+        self.arm.collision.update(self.body.obstacles(), self.body.gripper_joints(), held, ignored)
+
+    def move(self, name: str, path: FloatArray, *, speed: float = 1.0, planned: bool = False) -> None:
+        """Follow a path in a phase of its own, and stop early when what is held slips out, when something is in the
+        way, or when the run is cancelled.
+
+        Raises:
+            Failure: DROPPED, TIMED_OUT or CANCELLED, once the arm stands still.
+        """
+        course = trajectory.timed(path, self.handle.limits, speed)
+        found = self._last_plan if planned else None
+        configurations = course.samples(0.05)
+        self.context.announce(
+            Motion(
+                configurations,
+                np.stack([self.arm.kinematics.forward(q)[:3, 3] for q in configurations]),
+                course.seconds,
+                "line" if found is None else found.planner,
+                0.0 if found is None else found.seconds,
+                float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
+            )
+        )
+        self.phase(name, seconds=course.seconds)
+        period = self.handle.control_period
+        elapsed, rate, failure = 0.0, 1.0, None
+        while elapsed < course.seconds and rate > 0.0:
+            failure = failure or self._felt()
+            if failure is not None:
+                rate -= period / _BRAKE_SECONDS  # slow down along the path rather than jerk to a stop
+            elapsed += period * max(rate, 0.0)
+            self.body.command(course.position(elapsed), course.velocity(elapsed) * max(rate, 0.0))
+            self.body.advance()
+        if failure is not None:
+            self._ahead += course.seconds - elapsed
+            raise failure
+        self._arrive(course.position(course.seconds))
+
+    def close_gripper(self) -> None:
+        """Close until something is held.
+
+        Raises:
+            Failure: GRASP_MISSED when there is nothing between the fingers.
+        """
+        self._drive_gripper(1.0)
+        if not self.holding:
+            raise Failure(SkillStatus.GRASP_MISSED, "the gripper closed on nothing")
+        self._grip_width = self.body.gripper_width()
+
+    def open_gripper(self) -> None:
+        self._grip_width = None
+        self._drive_gripper(0.0)
+
+    def take_over_grip(self) -> None:
+        """Go on with what the hand holds already."""
+        self._grip_width = self.body.gripper_width()
+
+    def wait(self, seconds: float) -> None:
+        """Let the world's time pass."""
+        for _ in range(max(1, round(seconds / self.handle.control_period))):
+            self.body.advance()
+
+    def still_held(self) -> None:
+        """Raises: Failure: DROPPED when the hand no longer holds what it gripped."""
+        failure = self._felt()
+        if failure is not None:
+            raise failure
+
+    def result(self, status: SkillStatus, reason: str = "") -> SkillResult:
+        seconds = self.body.time - self._began
+        return SkillResult(self.step, status, reason, seconds, seconds + self._ahead)
+
+    def will_take(self, path: FloatArray) -> None:
+        """Count a motion that is planned and not yet made, so that an early end knows what it saved."""
+        self._ahead += trajectory.timed(path, self.handle.limits).seconds
+
+    def _felt(self) -> Failure | None:
+        if self.context.cancelled():
+            return Failure(SkillStatus.CANCELLED, "cancelled")
+        if self._grip_width is not None and abs(self.body.gripper_width() - self._grip_width) > _SLACK:
+            self._grip_width = None
+            return Failure(SkillStatus.DROPPED, "the fingers no longer feel what they gripped")
+        return None
+
+    def _arrive(self, goal: FloatArray) -> None:
+        """Wait for the servos to come to rest at `goal`."""
+        for _ in range(round(1.0 / self.handle.control_period)):
+            if float(np.abs(self.body.joints() - goal).max()) < 0.004:
+                return
+            self.body.command(goal, np.zeros_like(goal))
+            self.body.advance()
+        if float(np.abs(self.body.joints() - goal).max()) > _BLOCKED:
+            raise Failure(SkillStatus.TIMED_OUT, "the arm did not get where it was sent: something is in the way")
+
+    def _drive_gripper(self, closed: float) -> None:
+        steps = round(_GRIP_SECONDS / self.handle.control_period)
+        start = 1.0 - closed
+        for index in range(steps):
+            self.body.command_gripper(start + (closed - start) * min(1.0, 1.5 * (index + 1) / steps))
+            self.body.advance()
+
+
+def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) -> SkillResult:
+    """Run a skill's work and report how it ended. After a failure the arm goes home, if that is how actions end."""
+    attempt = Attempt(step, context)
+    try:
+        work(attempt)
+    except Failure as failure:
+        reason = failure.reason
+        if failure.status is not SkillStatus.CANCELLED:
+            attempt.wait(0.4)  # let what fell come to rest
+            if attempt.handle.home_pose:
+                try:
+                    go_home(attempt, None)
+                except Failure as second:
+                    reason = f"{reason}; then, on the way home: {second.reason}"
+        return attempt.result(failure.status, reason)
+    return attempt.result(SkillStatus.DONE)
+
+
+def go_home(attempt: Attempt, held: Held | None) -> None:
+    """Move to the home pose.
+
+    Raises:
+        Failure: NO_PATH when none is found, or whatever ends the motion.
+    """
+    path = attempt.plan([attempt.handle.limits.home], held)
+    if path is None:
+        raise Failure(SkillStatus.NO_PATH, "no collision-free motion to the home pose")
+    attempt.move("home" if held is None else "transfer", path, planned=True)

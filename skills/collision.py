@@ -1,0 +1,122 @@
+"""Is a configuration free of contact? MuJoCo's own narrow phase on the scene without visuals, the held item included."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from executive.sim.handle import Handle
+from executive.sim.scene import FINGER_JOINTS, GRIP_SITE, JOINTS
+from executive.types import FloatArray
+from skills import poses
+
+_ARM, _HAND, _SURROUNDINGS, _HELD = 1, 2, 4, 8
+"""Contact bits. Arm touches everything, hand and held item touch arm and surroundings, never each other."""
+
+_CLEARANCE = 0.004
+"""m that planned configurations keep from anything, beyond the meshes' hulls."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """An item in the hand: its name and its transform (4, 4) in the frame of the grip point."""
+
+    item: str
+    in_hand: FloatArray
+
+
+class CollisionModel:
+    """The scene as the planner sees it: set it up with `update`, then ask `free` for one configuration after another."""
+
+    def __init__(self, handle: Handle) -> None:
+        model = handle.planning_spec().compile()
+        self._model, self._data = model, mujoco.MjData(model)
+        self._arm = np.array([model.joint(name).qposadr[0] for name in JOINTS])
+        self._fingers = np.array([model.joint(name).qposadr[0] for name in FINGER_JOINTS])
+        self._items = {name: int(model.joint(f"{name}/free").qposadr[0]) for name in handle.shapes}
+        self._site = model.site(GRIP_SITE).id
+        self._geoms: dict[str, list[int]] = {name: [] for name in handle.shapes}
+        self._held: Held | None = None
+        roots = {int(model.body(name).id): name for name in handle.shapes}
+        hand = _subtree(model, int(model.body("robotiq_85_adapter_link").id))
+        arm = _subtree(model, int(model.body("shoulder_link").id))
+        for geom in range(model.ngeom):
+            body = int(model.geom_bodyid[geom])
+            item = roots.get(int(model.body_rootid[body]))
+            if item is not None:
+                self._geoms[item].append(geom)
+                self._mark(geom, _SURROUNDINGS, 0)
+            elif body in hand:
+                self._mark(geom, _HAND, _SURROUNDINGS | _ARM)
+            elif body in arm:
+                self._mark(geom, _ARM, _ARM | _HAND | _SURROUNDINGS | _HELD)
+            else:
+                self._mark(geom, _SURROUNDINGS, 0)
+        model.geom_margin[:] = 0.5 * _CLEARANCE  # margins of a pair add up
+        model.geom_gap[:] = 0.0
+
+    def update(
+        self,
+        items: Mapping[str, FloatArray],
+        fingers: FloatArray,
+        held: Held | None = None,
+        ignored: Collection[str] = (),
+    ) -> None:
+        """Where the items stand (7,), how the finger joints are (rad), what is held, and which items do not count."""
+        for name, start in self._items.items():
+            if name in items:
+                self._data.qpos[start : start + 7] = items[name]
+            is_held = held is not None and held.item == name
+            for geom in self._geoms[name]:
+                if is_held:
+                    self._mark(geom, _HELD, _SURROUNDINGS | _ARM)
+                elif name in ignored or name not in items:
+                    self._mark(geom, 0, 0)
+                else:
+                    self._mark(geom, _SURROUNDINGS, 0)
+        self._held = held
+        self._data.qpos[self._fingers] = fingers
+
+    def free(self, q: FloatArray) -> bool:
+        """Whether nothing touches at the configuration `q` (6,), with the clearance kept."""
+        self._place(q)
+        mujoco.mj_collision(self._model, self._data)
+        return self._data.ncon == 0
+
+    def touching(self, q: FloatArray) -> list[tuple[str, str]]:
+        """The pairs of bodies that touch at `q`: for messages and for tests."""
+        self._place(q)
+        mujoco.mj_collision(self._model, self._data)
+        names = []
+        for index in range(self._data.ncon):
+            contact = self._data.contact[index]
+            first, second = (self._model.body(self._model.geom_bodyid[geom]).name for geom in contact.geom)
+            names.append((first, second))
+        return names
+
+    def _place(self, q: FloatArray) -> None:
+        data = self._data
+        data.qpos[self._arm] = q
+        mujoco.mj_kinematics(self._model, data)
+        if self._held is not None:
+            hand = np.eye(4)
+            hand[:3, :3] = data.site_xmat[self._site].reshape(3, 3)
+            hand[:3, 3] = data.site_xpos[self._site]
+            start = self._items[self._held.item]
+            data.qpos[start : start + 7] = poses.pose(hand @ self._held.in_hand)
+            mujoco.mj_kinematics(self._model, data)
+
+    def _mark(self, geom: int, kind: int, touches: int) -> None:
+        self._model.geom_contype[geom] = kind
+        self._model.geom_conaffinity[geom] = touches
+
+
+def _subtree(model: mujoco.MjModel, root: int) -> set[int]:
+    found = {root}
+    for body in range(root + 1, model.nbody):
+        if int(model.body_parentid[body]) in found:
+            found.add(body)
+    return found

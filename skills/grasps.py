@@ -1,0 +1,147 @@
+"""Where a two-finger gripper can take hold of an item, and where on a table it can be put down.
+
+A grasp is the transform (4, 4) of the grip point in the world: z out of the hand (the approach), x from pad to pad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from executive.sim.scene import ItemShape
+from executive.sim.spec import TableSpec
+from executive.types import FloatArray
+from skills import poses
+
+_WIDEST = 0.079
+"""m between the pads that is still gripped; they open 85 mm."""
+
+_DEPTHS = (0.033, 0.020)
+"""How far below an item's top the grip point may be, in m: the fingers' knuckles begin 34 mm above it."""
+
+_LOWEST = 0.021
+"""m between grip point and table: closed, the finger tips reach 18 mm beyond it."""
+
+_TILTS = (0.0, 0.3, -0.3, 0.6, -0.6)
+"""Rotations of the hand about its closing axis away from straight down, in rad, in order of preference."""
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+def candidates(item: FloatArray, shape: ItemShape, table_top: float) -> list[FloatArray]:
+    """Grasps of an item, best first.
+
+    Args:
+        item: the item's transform (4, 4) in the world.
+        shape: its bounding box.
+        table_top: height in m of what it stands on.
+    """
+    rotation = item[:3, :3]
+    centre = item[:3, 3] + rotation @ shape.centre
+    result = []
+    for tilt in _TILTS:
+        for closing in _closing_axes(rotation, shape):
+            straight = -(_UP - (_UP @ closing) * closing)
+            straight /= np.linalg.norm(straight)
+            approach = np.cos(tilt) * straight + np.sin(tilt) * np.cross(closing, straight)
+            above = shape.reach(rotation.T @ approach)
+            for depth in _DEPTHS:
+                point = centre - max(0.0, above - depth) * approach
+                point[2] = max(point[2], table_top + _LOWEST)
+                for sign in (1.0, -1.0):
+                    axis = sign * closing
+                    grasp = np.eye(4)
+                    grasp[:3, :3] = np.stack([axis, np.cross(approach, axis), approach], axis=1)
+                    grasp[:3, 3] = point
+                    result.append(grasp)
+                if above <= depth:
+                    break  # a flatter item is gripped at its centre either way
+    return result
+
+
+def _closing_axes(rotation: FloatArray, shape: ItemShape) -> list[FloatArray]:
+    """Nearly horizontal directions across which the item is narrow enough, in the world frame."""
+    if shape.axis is not None:
+        axle = rotation[:, shape.axis]
+        if abs(float(axle[2])) > 0.8:  # upright: from any side
+            angles = np.linspace(0.0, np.pi, 8, endpoint=False)
+            axes = [np.array([np.cos(angle), np.sin(angle), 0.0]) for angle in angles]
+        else:  # lying: across
+            across = np.cross(axle, _UP)
+            axes = [across / np.linalg.norm(across)]
+    else:
+        axes = [rotation[:, index] for index in range(3) if abs(float(rotation[2, index])) < 0.5]
+    return [axis for axis in axes if 2 * shape.reach(rotation.T @ axis) < _WIDEST]
+
+
+def on_table(item: FloatArray, shape: ItemShape, table: TableSpec, slack: float = 0.02) -> bool:
+    """Whether the item's pose (4, 4) is that of something that stands or lies on the table."""
+    centre = item[:3, 3] + item[:3, :3] @ shape.centre
+    inside = np.abs(in_table_frame(centre[:2], table)) <= 0.5 * np.asarray(table.size[:2]) + slack
+    lowest = centre[2] - shape.reach(item[:3, :3].T @ _UP)
+    return bool(inside.all()) and abs(float(lowest) - table.centre[2]) < 0.05
+
+
+def in_table_frame(point: FloatArray, table: TableSpec) -> FloatArray:
+    """A horizontal point (2,) relative to the table's centre, along its own axes."""
+    x, y = point - np.asarray(table.centre[:2])
+    cos, sin = np.cos(table.yaw), np.sin(table.yaw)
+    return np.array([cos * x + sin * y, -sin * x + cos * y])
+
+
+def resting(item: FloatArray, shape: ItemShape) -> FloatArray:
+    """The rotation (3, 3) nearest to the item's own with which it can stand or lie on a table."""
+    rotation = item[:3, :3]
+    if shape.axis is not None:
+        axle = rotation[:, shape.axis]
+        upright = abs(float(axle[2])) > 0.7
+        target = np.sign(axle[2]) * _UP if upright else np.array([axle[0], axle[1], 0.0]) / np.hypot(axle[0], axle[1])
+        return _turned_onto(axle, target) @ rotation
+    nearest = int(np.argmax(np.abs(rotation[2])))
+    return _turned_onto(rotation[:, nearest], np.sign(rotation[2, nearest]) * _UP) @ rotation
+
+
+def _turned_onto(start: FloatArray, end: FloatArray) -> FloatArray:
+    """The smallest rotation (3, 3) that takes one unit vector to another that is not its opposite."""
+    cross = np.cross(start, end)
+    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
+    return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + float(start @ end)))
+
+
+def spots(
+    rotation: FloatArray,
+    shape: ItemShape,
+    table: TableSpec,
+    others: Mapping[str, FloatArray],
+    shapes: Mapping[str, ItemShape],
+    rng: np.random.Generator,
+    count: int = 10,
+) -> list[FloatArray]:
+    """Free places on a table, roomiest first: the item's centre (3,) for an item with `rotation`.
+
+    Args:
+        others: poses (7,) of everything else that could be in the way.
+    """
+    half = np.array([shape.reach(rotation.T @ axis) for axis in np.eye(3)])
+    radius = float(np.hypot(half[0], half[1]))
+    inset = 0.5 * np.asarray(table.size[:2]) - radius - 0.015
+    if (inset <= 0).any():
+        return []
+    cos, sin = np.cos(table.yaw), np.sin(table.yaw)
+    obstacles = []
+    for name, pose in others.items():
+        corners = poses.box_corners(poses.matrix(pose), shapes[name].centre, shapes[name].half)
+        if corners[:, 2].max() > table.centre[2] - 0.02:
+            middle = corners[:, :2].mean(axis=0)
+            obstacles.append((middle, float(np.linalg.norm(corners[:, :2] - middle, axis=1).max())))
+    found: list[tuple[float, FloatArray]] = []
+    for local in rng.uniform(-1.0, 1.0, (120, 2)) * inset:
+        point = np.asarray(table.centre[:2]) + [cos * local[0] - sin * local[1], sin * local[0] + cos * local[1]]
+        room = min((float(np.linalg.norm(point - middle)) - size - radius for middle, size in obstacles), default=1.0)
+        if room > 0.02:
+            # Beyond what the fingers need, more room is no better; then a place near the middle is easier to reach.
+            worth = min(room, 0.07) - 0.1 * float(np.linalg.norm(local))
+            found.append((worth, np.array([*point, table.centre[2] + half[2] + 0.003])))
+    found.sort(key=lambda pair: -pair[0])
+    return [place for _, place in found[:count]]

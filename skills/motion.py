@@ -1,0 +1,135 @@
+"""Collision-free motions by OMPL's RRT* (Karaman and Frazzoli, 2011). The only importer of ompl.
+
+Limits are iterations, never seconds, so that a seed repeats a motion on any machine.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from ompl import base as ob
+from ompl import geometric as og
+from ompl import util as ou
+
+from executive.sim.handle import ArmLimits
+from executive.types import FloatArray
+
+ou.setLogLevel(ou.LogLevel.LOG_NONE)
+
+_EDGE = 0.05
+"""Largest Euclidean distance in joint space (rad) between two configurations that are checked along an edge."""
+
+_RANGE = 0.8
+"""Longest new edge of the tree, in rad."""
+
+_REFINE = 120
+"""Iterations after the first solution."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """(N, 6) configurations in rad, joined by straight edges; their summed length; who found it in how many
+    iterations, and the wall seconds that took."""
+
+    configurations: FloatArray
+    cost: float
+    planner: str
+    iterations: int
+    seconds: float
+
+
+class MotionPlanner:
+    """RRT* over the arm's joints.
+
+    Args:
+        limits: bounds of the joints.
+        free: whether a configuration (6,) touches nothing.
+    """
+
+    def __init__(self, limits: ArmLimits, free: Callable[[FloatArray], bool]) -> None:
+        self._free = free
+        dof = len(limits.lower)
+        self._space = ob.RealVectorStateSpace(dof)
+        bounds = ob.RealVectorBounds(dof)
+        for joint in range(dof):
+            bounds.setLow(joint, float(limits.lower[joint]))
+            bounds.setHigh(joint, float(limits.upper[joint]))
+        self._space.setBounds(bounds)
+        self._information = ob.SpaceInformation(self._space)
+        # The closure must not hold `self`: OMPL's bindings keep it, and a cycle through them is never collected.
+        self._information.setStateValidityChecker(lambda state: free(np.array([state[i] for i in range(dof)])))
+        self._information.setStateValidityCheckingResolution(_EDGE / self._space.getMaximumExtent())
+        self._information.setup()
+        self._dof = dof
+
+    def plan(self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int = 4000) -> Path | None:
+        """A path from `start` to the goal that is nearest by what is free; None when none is found in `iterations`.
+
+        The straight edge is tried first. The same arguments give the same path.
+        """
+        began = time.perf_counter()
+        ordered = sorted(goals, key=lambda goal: float(np.linalg.norm(goal - start)))
+        if not self._free(start):
+            return None
+        open_goals = [goal for goal in ordered if self._free(goal)]
+        if not open_goals:
+            return None
+        for goal in open_goals:
+            if self.edge_free(start, goal):
+                seconds = time.perf_counter() - began
+                return Path(np.stack([start, goal]), float(np.linalg.norm(goal - start)), "straight", 0, seconds)
+        ou.RNG.setSeed(seed % (2**31 - 2) + 1)
+        problem = ob.ProblemDefinition(self._information)
+        problem.addStartState(self._state(start))
+        target = ob.GoalStates(self._information)
+        for goal in open_goals:
+            target.addState(self._state(goal))
+        problem.setGoal(target)
+        problem.setOptimizationObjective(ob.PathLengthOptimizationObjective(self._information))
+        planner = og.RRTstar(self._information)
+        planner.setRange(_RANGE)
+        planner.setGoalBias(0.1)
+        planner.setProblemDefinition(problem)
+        planner.setup()
+        progress = _Progress(planner.bestCost, iterations)
+        planner.solve(ob.PlannerTerminationCondition(progress))
+        if not problem.hasExactSolution():
+            return None
+        found = problem.getSolutionPath()
+        simplifier = og.PathSimplifier(self._information)
+        simplifier.reduceVertices(found)
+        simplifier.partialShortcutPath(found, 60, 30)
+        states = [found.getState(index) for index in range(found.getStateCount())]
+        path = np.array([[state[joint] for joint in range(self._dof)] for state in states])
+        cost = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        return Path(path, cost, "RRT*", progress.count, time.perf_counter() - began)
+
+    def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
+        """Whether the straight edge touches nothing, its ends included."""
+        steps = max(1, math.ceil(float(np.linalg.norm(goal - start)) / _EDGE))
+        return all(self._free(start + (goal - start) * (index / steps)) for index in range(steps + 1))
+
+    def _state(self, q: FloatArray) -> object:
+        state = self._space.allocState()
+        for joint, value in enumerate(q):
+            state[joint] = float(value)
+        return state
+
+
+class _Progress:
+    """Stops the planner after a number of iterations, or some after it has a first solution."""
+
+    def __init__(self, best: Callable[[], object], limit: int) -> None:
+        self._best, self._limit = best, limit
+        self.count = 0
+        self._since_found = 0
+
+    def __call__(self) -> bool:
+        self.count += 1
+        if self._since_found or math.isfinite(self._best().value()):  # type: ignore[attr-defined]  # OMPL has no stubs
+            self._since_found += 1
+        return self.count > self._limit or self._since_found > _REFINE

@@ -1,0 +1,111 @@
+"""pick(item, table): take an item that is on a table, and hold it clear of everything."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from executive.protocols import SkillContext
+from executive.types import FloatArray, SkillResult, SkillStatus, Step
+from skills import grasps, poses
+from skills.arm import Attempt, Failure, go_home, perform
+from skills.collision import Held
+
+_APPROACH = np.linspace(0.09, 0.0, 7)
+"""Distances to the grasp in m at which the straight approach is planned, from first to last."""
+
+_LIFT = np.linspace(0.015, 0.12, 8)
+"""Heights above the grasp in m through which the item is lifted straight up."""
+
+_MOST_PLANS = 8
+"""Grasps for which a motion is searched before giving up."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reach:
+    """A grasp that the arm can get to: the approach and the lift, (N, 6) each, and what the pre-grasp costs."""
+
+    approach: FloatArray
+    lift: FloatArray
+    cost: float
+
+
+def pick(step: Step, context: SkillContext) -> SkillResult:
+    """Grasp `item` from `table` from above and lift it; with a home pose, carry it there.
+
+    It reports NOT_THERE when the item is not on the named table, UNREACHABLE when no grasp has a free and reachable
+    configuration, NO_PATH when none of them can be got to, GRASP_MISSED when the fingers close on nothing, DROPPED
+    when what was gripped slips out, TIMED_OUT when the arm is held up.
+    """
+    return perform(step, context, _pick)
+
+
+def _pick(attempt: Attempt) -> None:
+    item, table = attempt.step.args
+    shape, top = attempt.handle.shapes[item], attempt.handle.tables[table]
+    if attempt.holding:
+        raise Failure(SkillStatus.GRASP_MISSED, "the gripper holds something already")
+    attempt.open_gripper()
+    attempt.phase("plan", f"grasps of {item}")
+    pose = poses.matrix(attempt.body.locate(item))
+    if not grasps.on_table(pose, shape, top):
+        raise Failure(SkillStatus.NOT_THERE, f"{item} is not on {table}")
+    reaches = _reachable(attempt, item, grasps.candidates(pose, shape, top.centre[2]))
+    if not reaches:
+        raise Failure(SkillStatus.UNREACHABLE, f"no grasp of {item} is within reach and free of collisions")
+    for reach in reaches[:_MOST_PLANS]:
+        path = attempt.plan([reach.approach[0]])
+        if path is not None:
+            break
+    else:
+        raise Failure(SkillStatus.NO_PATH, f"no collision-free motion to {item}")
+    attempt.move("approach", path, planned=True)
+    attempt.move("approach", reach.approach, speed=0.5)
+    attempt.phase("grip")
+    try:
+        attempt.close_gripper()
+    except Failure:
+        attempt.open_gripper()
+        attempt.move("retreat", np.concatenate([reach.approach[-1:], reach.lift]), speed=0.6)
+        raise
+    attempt.move("lift", np.concatenate([reach.approach[-1:], reach.lift]), speed=0.6)
+    if attempt.handle.home_pose:
+        go_home(attempt, held_now(attempt, item))
+        attempt.still_held()
+
+
+def held_now(attempt: Attempt, item: str) -> Held:
+    """The item as it lies in the hand at this moment."""
+    hand = attempt.arm.kinematics.forward(attempt.body.joints())
+    return Held(item, poses.inverse(hand) @ poses.matrix(attempt.body.obstacles()[item]))
+
+
+def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> list[_Reach]:
+    """The grasps that can be approached and lifted from along straight lines, cheapest first."""
+    arm, start = attempt.arm, attempt.body.joints()
+    pose = poses.matrix(attempt.body.obstacles()[item])
+    found: list[_Reach] = []
+    for preference, grasp in enumerate(candidates):
+        if len(found) >= 2 * _MOST_PLANS:
+            break
+        outward = -grasp[:3, 2]
+        for seed in arm.kinematics.seeds(grasp, start):
+            q = arm.kinematics.solve(grasp, seed)
+            if q is None:
+                continue
+            back = [poses.translated(grasp, distance * outward) for distance in _APPROACH[::-1]]
+            approach = arm.kinematics.line(q, back)
+            lift = arm.kinematics.line(q, [poses.translated(grasp, np.array([0, 0, rise])) for rise in _LIFT])
+            if approach is None or lift is None:
+                continue
+            attempt.look_around(ignored=[item])
+            if not all(arm.collision.free(point) for point in (*approach, *lift)):
+                continue
+            attempt.look_around(Held(item, poses.inverse(grasp) @ pose))
+            if not all(arm.collision.free(point) for point in lift[1:]):
+                continue
+            cost = float(np.linalg.norm(approach[-1] - start)) + 0.02 * preference
+            found.append(_Reach(np.array(approach[::-1]), np.array(lift), cost))
+            break
+    return sorted(found, key=lambda reach: reach.cost)

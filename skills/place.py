@@ -1,0 +1,111 @@
+"""place(item, table): put down what is in the hand on a free spot of a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from executive.protocols import SkillContext
+from executive.types import FloatArray, SkillResult, SkillStatus, Step
+from skills import grasps, poses
+from skills.arm import Attempt, Failure, go_home, perform
+from skills.collision import Held
+from skills.pick import held_now
+
+_LOWER = np.linspace(0.10, 0.0, 8)
+"""Heights above the final pose in m through which the item is lowered straight down."""
+
+_RETREAT = np.linspace(0.015, 0.10, 6)
+"""Distances from the released item in m through which the hand withdraws."""
+
+_YAWS = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
+_MOST_PLANS = 6
+_IN_HAND = 0.12
+"""m between grip point and item beyond which it is not this item that the hand holds."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Descent:
+    """A way to put the item down: the lowering and the retreat, (N, 6) each, and what getting there costs."""
+
+    lower: FloatArray
+    retreat: FloatArray
+    cost: float
+
+
+def place(step: Step, context: SkillContext) -> SkillResult:
+    """Put `item`, which the hand holds, on a free spot of `table`; with a home pose, go there afterwards.
+
+    It reports NOT_THERE when the hand does not hold the item, UNREACHABLE when no free spot is within reach, NO_PATH
+    when none can be got to, DROPPED when the item slips out on the way, TIMED_OUT when the arm is held up.
+    """
+    return perform(step, context, _place)
+
+
+def _place(attempt: Attempt) -> None:
+    item, table = attempt.step.args
+    held = held_now(attempt, item)
+    if not attempt.holding or float(np.linalg.norm(held.in_hand[:3, 3])) > _IN_HAND:
+        raise Failure(SkillStatus.NOT_THERE, f"the gripper does not hold {item}")
+    attempt.take_over_grip()
+    attempt.phase("plan", f"a spot on {table}")
+    descents = _descents(attempt, held, table)
+    if not descents:
+        raise Failure(SkillStatus.UNREACHABLE, f"no free spot on {table} is within reach")
+    for descent in descents[:_MOST_PLANS]:
+        path = attempt.plan([descent.lower[0]], held)
+        if path is not None:
+            break
+    else:
+        raise Failure(SkillStatus.NO_PATH, f"no collision-free motion to {table}")
+    attempt.move("transfer", path, planned=True)
+    attempt.move("lower", descent.lower, speed=0.5)
+    attempt.still_held()
+    attempt.phase("release")
+    attempt.open_gripper()
+    attempt.move("retreat", np.concatenate([descent.lower[-1:], descent.retreat]), speed=0.6)
+    if attempt.handle.home_pose:
+        go_home(attempt, None)
+
+
+def _descents(attempt: Attempt, held: Held, table: str) -> list[_Descent]:
+    """Ways to put the held item down that are reachable and free, the roomiest spot's cheapest first."""
+    arm, start = attempt.arm, attempt.body.joints()
+    shape, top = attempt.handle.shapes[held.item], attempt.handle.tables[table]
+    others = {name: pose for name, pose in attempt.body.obstacles().items() if name != held.item}
+    now = arm.kinematics.forward(start) @ held.in_hand
+    upright = grasps.resting(now, shape)
+    found: list[_Descent] = []
+    for spot in grasps.spots(upright, shape, top, others, attempt.handle.shapes, attempt.context.rng):
+        for yaw in _YAWS:
+            target = np.eye(4)
+            target[:3, :3] = Rotation.from_euler("z", float(yaw)).as_matrix() @ upright
+            target[:3, 3] = spot - target[:3, :3] @ shape.centre
+            descent = _descent(attempt, held, target @ poses.inverse(held.in_hand), start)
+            if descent is not None:
+                found.append(descent)
+        if len(found) >= _MOST_PLANS:
+            break
+    return sorted(found, key=lambda descent: descent.cost)
+
+
+def _descent(attempt: Attempt, held: Held, hand: FloatArray, start: FloatArray) -> _Descent | None:
+    arm = attempt.arm
+    for seed in arm.kinematics.seeds(hand, start):
+        q = arm.kinematics.solve(hand, seed)
+        if q is None:
+            continue
+        lower = arm.kinematics.line(q, [poses.translated(hand, np.array([0, 0, rise])) for rise in _LOWER[::-1]])
+        retreat = arm.kinematics.line(q, [poses.translated(hand, -away * hand[:3, 2]) for away in _RETREAT])
+        if lower is None or retreat is None:
+            continue
+        attempt.look_around(held)
+        if not all(arm.collision.free(point) for point in lower[2:]):
+            continue  # the lowest points are left out: there the item is about to touch the table
+        attempt.look_around(ignored=[held.item])
+        if not all(arm.collision.free(point) for point in (*lower, *retreat)):
+            continue
+        return _Descent(np.array(lower[::-1]), np.array(retreat), float(np.linalg.norm(lower[-1] - start)))
+    return None
