@@ -9,8 +9,6 @@ import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-os.environ.setdefault("MUJOCO_GL", "egl")  # off-screen by default; has to be set before mujoco's first import
-
 import mujoco
 import numpy as np
 

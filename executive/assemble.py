@@ -1,0 +1,193 @@
+"""From a configuration to a finished run: the one place where domain, world, skills, planner, estimator, faults and
+sinks are put together. Everything that it builds could be built by hand; see README, "In Python"."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from executive.domain import Domain, load_domain
+from executive.errors import InputError, nearest
+from executive.faults import FaultInjector, parse_fault
+from executive.loop import Executive
+from executive.planning import FastDownwardPlanner
+from executive.policy import Settings
+from executive.protocols import Estimator, Sink, Skill
+from executive.trace.events import EventLog
+from executive.trace.report import Collector, Summary, write_summary
+from executive.types import Facts
+
+if TYPE_CHECKING:
+    from executive.sim.truth import Truth
+    from executive.sim.world import MujocoWorld
+
+ESTIMATORS = ("oracle", "none")
+
+
+@dataclass(frozen=True, slots=True)
+class RunConfig:
+    """All that decides how a run goes; `config.toml` in the run's folder holds the same.
+
+    `domain` is a folder or a shipped domain's name. `faults` are in the grammar of `executive.faults`. `grasp_noise`
+    is a standard deviation in m. `runs` is where the run's own folder is made, `name` what it is called.
+    """
+
+    domain: str
+    problem: str | None = None
+    seed: int = 0
+    estimator: str = "oracle"
+    faults: tuple[str, ...] = ()
+    home_pose: bool = True
+    grasp_noise: float = 0.0
+    max_replans: int | None = None
+    max_actions: int | None = None
+    runs: Path = Path("runs")
+    name: str | None = None
+    viewer: bool = True
+
+    def __post_init__(self) -> None:
+        if self.estimator not in ESTIMATORS:
+            raise InputError(f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator")
+        if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):
+            raise InputError(f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'", key="--name")
+
+    def settings(self) -> Settings:
+        limits = {"max_replans": self.max_replans, "max_actions": self.max_actions}
+        return Settings(seed=self.seed, **{key: value for key, value in limits.items() if value is not None})
+
+
+class Run:
+    """One run, put together and ready to `execute`. A context manager that frees what it holds.
+
+    Raises:
+        DomainError: the domain folder has a mistake.
+        InputError: the configuration has one, or the run's folder exists.
+        MissingError: the machine lacks something.
+    """
+
+    def __init__(self, config: RunConfig, sinks: Sequence[Sink] = ()) -> None:
+        self.config = config
+        injected = [parse_fault(spec) for spec in config.faults]
+        self.domain = load_domain(config.domain, config.problem)
+        planner = FastDownwardPlanner(self.domain.parsed)
+        planner.warm_up()  # unified-planning takes seconds to import; meanwhile the scene compiles
+        self.world, self.truth = _stage(self.domain, config)
+        self.folder = _make_folder(config, self.domain)
+        self._collector = Collector()
+        recorders: list[Sink] = [EventLog(self.folder), self._collector]
+        if config.viewer:
+            from executive.trace.viewer import RerunSink
+
+            recorders.append(RerunSink(self.folder))
+        estimator, initial = _eye(self.domain, config, self.truth)
+        self.executive = Executive(
+            self.domain.task,
+            planner,
+            self.world,
+            load_skills(self.domain),
+            estimator,
+            sinks=(*recorders, *sinks),
+            settings=config.settings(),
+            faults=FaultInjector(injected, self.world, config.seed) if injected else None,
+            initial=initial,
+            domain=self.domain.name,
+            run=self.folder.name,
+        )
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.world.close()
+
+    def cancel(self) -> None:
+        """Have the arm stop and the run end as interrupted; safe to call from a signal handler."""
+        self.executive.cancel()
+
+    def execute(self) -> Summary:
+        """Carry the task out, score it by the simulator's truth, and write `summary.json`."""
+        self.executive.run()
+        goal = self.domain.task.goal
+        goal_true = self.truth.of(tuple(goal)).entails(goal)
+        summary = self._collector.summary(goal_true)
+        write_summary(self.folder, summary)
+        return summary
+
+
+def run(config: RunConfig, sinks: Sequence[Sink] = ()) -> Summary:
+    """Put a run together and carry it out."""
+    with Run(config, sinks) as prepared:
+        return prepared.execute()
+
+
+def load_skills(domain: Domain) -> Mapping[str, Skill]:
+    """Each action's skill, from the entry-point group `executive.skills`."""
+    points = {point.name: point for point in entry_points(group="executive.skills")}
+    return {action: points[skill].load() for action, skill in domain.skills.items()}
+
+
+def _stage(domain: Domain, config: RunConfig) -> tuple[MujocoWorld, Truth]:
+    from executive.sim.truth import Truth
+    from executive.sim.world import MujocoWorld
+
+    task = domain.task
+    # What the problem's :init says of where things stand sets the stage; the robot has to see it for itself.
+    placed = {atom.args[0]: atom.args[1] for atom in sorted(task.declared) if domain.relations[atom.predicate] == "on"}
+    world = MujocoWorld(
+        domain.scene,
+        task.objects,
+        seed=config.seed,
+        placed=placed,
+        grasp_noise=config.grasp_noise,
+        home_pose=config.home_pose,
+    )
+    return world, Truth(world, domain.relations)
+
+
+def _eye(domain: Domain, config: RunConfig, truth: Truth) -> tuple[Estimator | None, Facts | None]:
+    """The estimator; for the blind baseline none, and what it is told instead."""
+    if config.estimator == "none":
+        return None, truth.of(domain.task.atoms)
+    from executive.sim.truth import Oracle
+
+    return Oracle(truth), None
+
+
+def _make_folder(config: RunConfig, domain: Domain) -> Path:
+    """The run's folder, with its configuration in it."""
+    if config.name is not None:
+        names = [config.name]
+    else:
+        stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{domain.name}-{domain.task.problem}-{config.seed}"
+        names = [stem, *(f"{stem}-{index}" for index in range(2, 100))]
+    for name in names:
+        folder = config.runs / name
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InputError(f"cannot be made: {error.strerror}", file=folder) from error
+        (folder / "config.toml").write_text(_toml(config), encoding="utf-8")
+        return folder
+    raise InputError("there is a run of this name already; choose another with --name", file=config.runs / names[0])
+
+
+def _toml(config: RunConfig) -> str:
+    lines = ["# All that decides how this run went."]
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        if value is not None:
+            # A JSON string, number, boolean or array of strings is a TOML one.
+            lines.append(f"{field.name} = {json.dumps(str(value) if isinstance(value, Path) else value)}")
+    return "\n".join(lines) + "\n"
