@@ -55,7 +55,9 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         if self.estimator not in ESTIMATORS:
-            raise InputError(f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator")
+            raise InputError(
+                f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator"
+            )
         if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):
             raise InputError(f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'", key="--name")
 

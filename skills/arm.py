@@ -31,7 +31,7 @@ _GRIP_SECONDS = 0.6
 _BRAKE_SECONDS = 0.25
 
 
-class Failure(Exception):
+class SkillError(Exception):
     """Ends a skill early with a status and a reason. Raised and caught inside this package alone."""
 
     def __init__(self, status: SkillStatus, reason: str) -> None:
@@ -74,7 +74,8 @@ class Attempt:
     @property
     def holding(self) -> bool:
         """Whether the fingers are around something, as their encoders tell."""
-        return _EMPTY_WIDTH < self.body.gripper_width() < OPEN_WIDTH
+        width = float(self.body.gripper_width())
+        return _EMPTY_WIDTH < width < OPEN_WIDTH
 
     def phase(self, name: str, detail: str = "", seconds: float = 0.0) -> None:
         self.context.announce(Phase(name, detail, seconds))
@@ -96,7 +97,7 @@ class Attempt:
         way, or when the run is cancelled.
 
         Raises:
-            Failure: DROPPED, TIMED_OUT or CANCELLED, once the arm stands still.
+            SkillError: DROPPED, TIMED_OUT or CANCELLED, once the arm stands still.
         """
         course = trajectory.timed(path, self.handle.limits, speed)
         found = self._last_plan if planned else None
@@ -130,11 +131,11 @@ class Attempt:
         """Close until something is held.
 
         Raises:
-            Failure: GRASP_MISSED when there is nothing between the fingers.
+            SkillError: GRASP_MISSED when there is nothing between the fingers.
         """
         self._drive_gripper(1.0)
         if not self.holding:
-            raise Failure(SkillStatus.GRASP_MISSED, "the gripper closed on nothing")
+            raise SkillError(SkillStatus.GRASP_MISSED, "the gripper closed on nothing")
         self._grip_width = self.body.gripper_width()
 
     def open_gripper(self) -> None:
@@ -151,7 +152,7 @@ class Attempt:
             self.body.advance()
 
     def still_held(self) -> None:
-        """Raises: Failure: DROPPED when the hand no longer holds what it gripped."""
+        """Raises: SkillError: DROPPED when the hand no longer holds what it gripped."""
         failure = self._felt()
         if failure is not None:
             raise failure
@@ -164,12 +165,12 @@ class Attempt:
         """Count a motion that is planned and not yet made, so that an early end knows what it saved."""
         self._ahead += trajectory.timed(path, self.handle.limits).seconds
 
-    def _felt(self) -> Failure | None:
+    def _felt(self) -> SkillError | None:
         if self.context.cancelled():
-            return Failure(SkillStatus.CANCELLED, "cancelled")
+            return SkillError(SkillStatus.CANCELLED, "cancelled")
         if self._grip_width is not None and abs(self.body.gripper_width() - self._grip_width) > _SLACK:
             self._grip_width = None
-            return Failure(SkillStatus.DROPPED, "the fingers no longer feel what they gripped")
+            return SkillError(SkillStatus.DROPPED, "the fingers no longer feel what they gripped")
         return None
 
     def _arrive(self, goal: FloatArray) -> None:
@@ -180,7 +181,7 @@ class Attempt:
             self.body.command(goal, np.zeros_like(goal))
             self.body.advance()
         if float(np.abs(self.body.joints() - goal).max()) > _BLOCKED:
-            raise Failure(SkillStatus.TIMED_OUT, "the arm did not get where it was sent: something is in the way")
+            raise SkillError(SkillStatus.TIMED_OUT, "the arm did not get where it was sent: something is in the way")
 
     def _drive_gripper(self, closed: float) -> None:
         steps = round(_GRIP_SECONDS / self.handle.control_period)
@@ -195,14 +196,14 @@ def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) 
     attempt = Attempt(step, context)
     try:
         work(attempt)
-    except Failure as failure:
+    except SkillError as failure:
         reason = failure.reason
         if failure.status is not SkillStatus.CANCELLED:
             attempt.wait(0.4)  # let what fell come to rest
             if attempt.handle.home_pose:
                 try:
                     go_home(attempt, None)
-                except Failure as second:
+                except SkillError as second:
                     reason = f"{reason}; then, on the way home: {second.reason}"
         return attempt.result(failure.status, reason)
     return attempt.result(SkillStatus.DONE)
@@ -212,9 +213,9 @@ def go_home(attempt: Attempt, held: Held | None) -> None:
     """Move to the home pose.
 
     Raises:
-        Failure: NO_PATH when none is found, or whatever ends the motion.
+        SkillError: NO_PATH when none is found, or whatever ends the motion.
     """
     path = attempt.plan([attempt.handle.limits.home], held)
     if path is None:
-        raise Failure(SkillStatus.NO_PATH, "no collision-free motion to the home pose")
+        raise SkillError(SkillStatus.NO_PATH, "no collision-free motion to the home pose")
     attempt.move("home" if held is None else "transfer", path, planned=True)

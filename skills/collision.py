@@ -1,4 +1,4 @@
-"""Is a configuration free of contact? MuJoCo's own narrow phase on the scene without visuals, the held item included."""
+"""Is a configuration free of contact? MuJoCo's own collision check, the held item included."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Held:
 
 
 class CollisionModel:
-    """The scene as the planner sees it: set it up with `update`, then ask `free` for one configuration after another."""
+    """The scene as the planner sees it: set up with `update`, then asked by `free`."""
 
     def __init__(self, handle: Handle) -> None:
         model = handle.planning_spec().compile()
@@ -84,7 +84,7 @@ class CollisionModel:
         """Whether nothing touches at the configuration `q` (6,), with the clearance kept."""
         self._place(q)
         mujoco.mj_collision(self._model, self._data)
-        return self._data.ncon == 0
+        return bool(self._data.ncon == 0)
 
     def touching(self, q: FloatArray) -> list[tuple[str, str]]:
         """The pairs of bodies that touch at `q`: for messages and for tests."""

@@ -137,7 +137,7 @@ def spots(
             obstacles.append((middle, float(np.linalg.norm(corners[:, :2] - middle, axis=1).max())))
     found: list[tuple[float, FloatArray]] = []
     for local in rng.uniform(-1.0, 1.0, (120, 2)) * inset:
-        point = np.asarray(table.centre[:2]) + [cos * local[0] - sin * local[1], sin * local[0] + cos * local[1]]
+        point = np.array(table.centre[:2]) + np.array([[cos, -sin], [sin, cos]]) @ local
         room = min((float(np.linalg.norm(point - middle)) - size - radius for middle, size in obstacles), default=1.0)
         if room > 0.02:
             # Beyond what the fingers need, more room is no better; then a place near the middle is easier to reach.

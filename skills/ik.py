@@ -39,7 +39,7 @@ class Kinematics:
         return result
 
     def solve(self, target: FloatArray, seed: FloatArray, iterations: int = 40) -> FloatArray | None:
-        """A configuration within the limits that reaches `target` (4, 4), found by descent from `seed`; None if none."""
+        """A configuration within the limits that reaches `target` (4, 4), by descent from `seed`; None if none."""
         self._set(seed)
         self._task.set_target(mink.SE3.from_matrix(target))
         best = np.inf
@@ -81,7 +81,7 @@ class Kinematics:
         return [*result, start]
 
     def line(self, start: FloatArray, transforms: list[FloatArray]) -> list[FloatArray] | None:
-        """Configurations that follow `transforms` one after the other from `start`, without a jump; None if they cannot."""
+        """Configurations that follow `transforms` in turn from `start`, without a jump; None where there are none."""
         path, previous = [], start
         for target in transforms:
             q = self.solve(target, previous, iterations=20)

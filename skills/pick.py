@@ -9,7 +9,7 @@ import numpy as np
 from executive.protocols import SkillContext
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 from skills import grasps, poses
-from skills.arm import Attempt, Failure, go_home, perform
+from skills.arm import Attempt, SkillError, go_home, perform
 from skills.collision import Held
 
 _APPROACH = np.linspace(0.09, 0.0, 7)
@@ -45,27 +45,27 @@ def _pick(attempt: Attempt) -> None:
     item, table = attempt.step.args
     shape, top = attempt.handle.shapes[item], attempt.handle.tables[table]
     if attempt.holding:
-        raise Failure(SkillStatus.GRASP_MISSED, "the gripper holds something already")
+        raise SkillError(SkillStatus.GRASP_MISSED, "the gripper holds something already")
     attempt.open_gripper()
     attempt.phase("plan", f"grasps of {item}")
     pose = poses.matrix(attempt.body.locate(item))
     if not grasps.on_table(pose, shape, top):
-        raise Failure(SkillStatus.NOT_THERE, f"{item} is not on {table}")
+        raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {table}")
     reaches = _reachable(attempt, item, grasps.candidates(pose, shape, top.centre[2]))
     if not reaches:
-        raise Failure(SkillStatus.UNREACHABLE, f"no grasp of {item} is within reach and free of collisions")
+        raise SkillError(SkillStatus.UNREACHABLE, f"no grasp of {item} is within reach and free of collisions")
     for reach in reaches[:_MOST_PLANS]:
         path = attempt.plan([reach.approach[0]])
         if path is not None:
             break
     else:
-        raise Failure(SkillStatus.NO_PATH, f"no collision-free motion to {item}")
+        raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {item}")
     attempt.move("approach", path, planned=True)
     attempt.move("approach", reach.approach, speed=0.5)
     attempt.phase("grip")
     try:
         attempt.close_gripper()
-    except Failure:
+    except SkillError:
         attempt.open_gripper()
         attempt.move("retreat", np.concatenate([reach.approach[-1:], reach.lift]), speed=0.6)
         raise

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from executive.protocols import SkillContext
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 from skills import grasps, poses
-from skills.arm import Attempt, Failure, go_home, perform
+from skills.arm import Attempt, SkillError, go_home, perform
 from skills.collision import Held
 from skills.pick import held_now
 
@@ -48,18 +48,18 @@ def _place(attempt: Attempt) -> None:
     item, table = attempt.step.args
     held = held_now(attempt, item)
     if not attempt.holding or float(np.linalg.norm(held.in_hand[:3, 3])) > _IN_HAND:
-        raise Failure(SkillStatus.NOT_THERE, f"the gripper does not hold {item}")
+        raise SkillError(SkillStatus.NOT_THERE, f"the gripper does not hold {item}")
     attempt.take_over_grip()
     attempt.phase("plan", f"a spot on {table}")
     descents = _descents(attempt, held, table)
     if not descents:
-        raise Failure(SkillStatus.UNREACHABLE, f"no free spot on {table} is within reach")
+        raise SkillError(SkillStatus.UNREACHABLE, f"no free spot on {table} is within reach")
     for descent in descents[:_MOST_PLANS]:
         path = attempt.plan([descent.lower[0]], held)
         if path is not None:
             break
     else:
-        raise Failure(SkillStatus.NO_PATH, f"no collision-free motion to {table}")
+        raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {table}")
     attempt.move("transfer", path, planned=True)
     attempt.move("lower", descent.lower, speed=0.5)
     attempt.still_held()

@@ -37,7 +37,7 @@ class Trajectory:
 def timed(path: FloatArray, limits: ArmLimits, speed: float = 1.0) -> Trajectory:
     """The trajectory along (N, 6) `path`, at rest at both ends, at `speed` times the limits at most.
 
-    The corners of a piecewise linear path are rounded by at most `_SPACING` rad, within what collision checks allow for.
+    The corners of a piecewise linear path are rounded by less than `_SPACING` rad.
     """
     points = _resampled(path)
     if len(points) < 2:

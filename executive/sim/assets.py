@@ -22,8 +22,10 @@ def folder() -> Path:
     """
     found = importlib.util.find_spec("robosuite")
     if found is None or found.origin is None:
-        raise MissingError("robosuite, whose robot and groceries the scene is made of, is not installed",
-                           command="pip install robosuite==1.5.1")
+        raise MissingError(
+            "robosuite, whose robot and groceries the scene is made of, is not installed",
+            command="pip install robosuite==1.5.1",
+        )
     return Path(found.origin).parent / "models" / "assets"
 
 

@@ -28,7 +28,9 @@ def draw(
     tables = [table.name for table in spec.tables]
     for item, table in placed.items():
         if table not in tables:
-            raise DomainError(f"{item} is declared to be on {table!r}, which is no table; {nearest(table, tables)}", file=file)
+            raise DomainError(
+                f"{item} is declared to be on {table!r}, which is no table; {nearest(table, tables)}", file=file
+            )
     for _ in range(50):
         poses: dict[str, FloatArray] = {}
         # Items with a fixed table first: they have the least choice.
@@ -84,7 +86,9 @@ def random_point(table: TableSpec, inset: float, rng: np.random.Generator) -> Fl
     if (half <= 0).any():
         return None
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
-    return np.array([table.centre[0] + cos * local[0] - sin * local[1], table.centre[1] + sin * local[0] + cos * local[1]])
+    return np.array(
+        [table.centre[0] + cos * local[0] - sin * local[1], table.centre[1] + sin * local[0] + cos * local[1]]
+    )
 
 
 def upright(shape: ItemShape, spot: FloatArray, table: TableSpec, yaw: float) -> FloatArray:

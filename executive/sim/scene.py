@@ -74,7 +74,7 @@ class ItemShape:
 
 
 def build(spec: SceneSpec, *, visuals: bool = True) -> mujoco.MjSpec:
-    """The scene as an MjSpec. With `visuals` off it is the model to plan in: same joints, no textures, no drawn geoms."""
+    """The scene as an MjSpec. Without `visuals` it is the model to plan in: the same joints, nothing to draw."""
     scene = mujoco.MjSpec()
     scene.modelname = "executive"
     scene.compiler.degree = False
@@ -141,8 +141,8 @@ def _robot(scene: mujoco.MjSpec, spec: SceneSpec) -> None:
     scene.attach(arm, prefix="", suffix="", frame=mount)
     # A plain column rather than robosuite's pedestal, which is wider than the space between robot and tables.
     scene.worldbody.add_geom(
-        name="pedestal", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.09, 0.5 * z - 0.001, 0], pos=[x, y, 0.5 * z - 0.001],
-        rgba=[0.25, 0.26, 0.28, 1], group=ITEM,
+        name="pedestal", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.09, 0.5 * z - 0.001, 0],
+        pos=[x, y, 0.5 * z - 0.001], rgba=[0.25, 0.26, 0.28, 1], group=ITEM,
     )  # fmt: skip
     # MuJoCo leaves out contacts between parent and child, but not where the parent is fixed to the world.
     scene.add_exclude(bodyname1="fixed_base_link", bodyname2="shoulder_link")
@@ -217,14 +217,20 @@ def _table(scene: mujoco.MjSpec, table: TableSpec, visuals: bool) -> None:
         name=table.name, pos=[x, y, top - half[2]], quat=[math.cos(table.yaw / 2), 0, 0, math.sin(table.yaw / 2)]
     )
     plate = body.add_geom(
-        name=f"{table.name}/top", type=mujoco.mjtGeom.mjGEOM_BOX, size=half, rgba=table.rgba, friction=[1.0, 0.005, 0.0001]
+        name=f"{table.name}/top",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=half,
+        rgba=table.rgba,
+        friction=[1.0, 0.005, 0.0001],
     )
     plate.group = ITEM
     if not visuals:
         return
     if table.texture is not None:
         scene.add_texture(
-            name=f"{table.name}/texture", type=mujoco.mjtTexture.mjTEXTURE_2D, file=assets.texture(TEXTURE_FILES[table.texture])
+            name=f"{table.name}/texture",
+            type=mujoco.mjtTexture.mjTEXTURE_2D,
+            file=assets.texture(TEXTURE_FILES[table.texture]),
         )
         material = scene.add_material(name=f"{table.name}/material", texuniform=True, texrepeat=[2, 2], specular=0.1)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = f"{table.name}/texture"
@@ -292,7 +298,11 @@ def _camera(scene: mujoco.MjSpec, camera: CameraSpec) -> None:
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, rotation.flatten())
     scene.worldbody.add_camera(
-        name=camera.name, pos=position, quat=quaternion, fovy=camera.fovy_degrees, resolution=[camera.width, camera.height]
+        name=camera.name,
+        pos=position,
+        quat=quaternion,
+        fovy=camera.fovy_degrees,
+        resolution=[camera.width, camera.height],
     )
 
 

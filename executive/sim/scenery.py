@@ -62,9 +62,7 @@ def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, float, float, floa
     return (float(rgba[0]), float(rgba[1]), float(rgba[2]), float(rgba[3]))
 
 
-def _triangles(
-    model: mujoco.MjModel, geom: int
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]] | None:
+def _triangles(model: mujoco.MjModel, geom: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]] | None:
     kind, size = model.geom_type[geom], model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]

@@ -109,7 +109,7 @@ class SceneSpec(_Strict):
     @model_validator(mode="after")
     def _names_once(self) -> Self:
         for kind, names in (
-            ("item or table", [thing.name for thing in (*self.items, *self.tables)]),
+            ("item or table", [*(item.name for item in self.items), *(table.name for table in self.tables)]),
             ("camera", [camera.name for camera in self.cameras]),
         ):
             twice = sorted({name for name in names if names.count(name) > 1})
@@ -127,7 +127,7 @@ class SceneSpec(_Strict):
         Raises:
             DomainError: an object of the problem has no body here.
         """
-        bodies = [thing.name for thing in (*self.items, *self.tables)]
+        bodies = [*(item.name for item in self.items), *(table.name for table in self.tables)]
         for name in objects:
             if name not in bodies:
                 raise DomainError(

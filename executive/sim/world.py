@@ -124,7 +124,9 @@ class MujocoWorld:
             state=state,
             misplaced=misplaced,
             forced_open_until=self._forced_open_until,
-            rng=np.frombuffer(repr([g.bit_generator.state for g in (self._placement_rng, self._noise_rng)]).encode(), np.uint8),
+            rng=np.frombuffer(
+                repr([g.bit_generator.state for g in (self._placement_rng, self._noise_rng)]).encode(), np.uint8
+            ),
         )
         return buffer.getvalue()
 
@@ -139,7 +141,10 @@ class MujocoWorld:
         try:
             with np.load(io.BytesIO(snapshot), allow_pickle=False) as saved:
                 state, misplaced = saved["state"], saved["misplaced"]
-                forced, generators = float(saved["forced_open_until"]), ast.literal_eval(saved["rng"].tobytes().decode())
+                forced, generators = (
+                    float(saved["forced_open_until"]),
+                    ast.literal_eval(saved["rng"].tobytes().decode()),
+                )
         except (ValueError, KeyError, OSError, SyntaxError, EOFError) as error:
             raise InputError(f"not a snapshot of a world: {error}") from error
         if state.shape != (mujoco.mj_stateSize(self.model, _STATE),):

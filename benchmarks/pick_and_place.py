@@ -1,4 +1,4 @@
-"""Pick and place on random scenes: `python -m benchmarks.skills --scenes 100` prints the success rates per item.
+"""Pick and place on random scenes: `python -m benchmarks.pick_and_place --scenes 100` prints the rates per item.
 
 Each scene draws all six items at random, picks one, and places it on another table; the verdict is the simulator's.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.protocols import SkillContext
+from executive.protocols import Skill, SkillContext
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Facts, SkillResult, Step
@@ -65,17 +65,19 @@ def main() -> None:
     for item, count in tally.items():
         print(f"{item:<14}{arguments.scenes:>8}{count['picked']:>8}{count['placed']:>8}")
     total = arguments.scenes * len(tally)
-    picked, placed = sum(c["picked"] for c in tally.values()), sum(c["placed"] for c in tally.values())
-    print(f"{'all':<14}{total:>8}{picked:>8}{placed:>8}")
-    print(f"pick {picked / total:.1%} of scenes, place {placed / max(picked, 1):.1%} of what was picked; "
-          f"{simulated / actions:.1f} simulated and {wall / actions:.2f} wall seconds an action")
+    taken, put = sum(c["picked"] for c in tally.values()), sum(c["placed"] for c in tally.values())
+    print(f"{'all':<14}{total:>8}{taken:>8}{put:>8}")
+    print(
+        f"pick {taken / total:.1%} of scenes, place {put / max(taken, 1):.1%} of what was picked; "
+        f"{simulated / actions:.1f} simulated and {wall / actions:.2f} wall seconds an action"
+    )
     for line in failures:
         print(line)
 
 
-def _do(world: MujocoWorld, skill: object, step: Step, rng: np.random.Generator) -> SkillResult:
+def _do(world: MujocoWorld, skill: Skill, step: Step, rng: np.random.Generator) -> SkillResult:
     context = SkillContext(world.handle, rng, lambda _: None, lambda: False)
-    return skill(step, context)  # type: ignore[operator, no-any-return]
+    return skill(step, context)
 
 
 if __name__ == "__main__":
