@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import typer.core
 import typer.main
 
 from executive import cli
 from executive.errors import MissingError
-from executive.types import OutcomeKind
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -29,6 +29,7 @@ def shell_lines() -> Iterator[str]:
 def test_commands_parse(line: str) -> None:
     """Parsed, with every option and argument, but not carried out."""
     group = typer.main.get_command(cli.app)
+    assert isinstance(group, typer.core.TyperGroup)
     arguments = shlex.split(line)[1:]
     with group.make_context("executive", list(arguments), obj=cli.Settings()) as context:
         name, command, rest = group.resolve_command(context, arguments)
