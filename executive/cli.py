@@ -144,8 +144,8 @@ def run(
         viewer=viewer,
     )
     sinks = [] if quiet else [TerminalSink(sys.stderr if as_json else sys.stdout)]
-    with _ctrl_c() as cancelled:
-        summary = assemble.run(config, sinks, cancelled)
+    with assemble.Run(config, sinks) as prepared, _ctrl_c(prepared.cancel):
+        summary = prepared.execute()
     if as_json:
         print(json.dumps(summary, indent=2))
     codes = {OutcomeKind.GOAL_REACHED: REACHED, OutcomeKind.INTERRUPTED: INTERRUPTED}
@@ -153,18 +153,28 @@ def run(
 
 
 @contextmanager
-def _ctrl_c() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C once asks the run to stop, which leaves the arm at rest and the trace whole; twice leaves at once."""
-    asked = False
+def _ctrl_c(cancel: Callable[[], None]) -> Iterator[None]:
+    """Ctrl-C once cancels, which leaves the arm at rest and the trace whole; a second one leaves at once."""
 
-    def ask(number: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        if asked:
-            raise KeyboardInterrupt
-        asked = True
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        cancel()
 
-    before = signal.signal(signal.SIGINT, ask)
+    before = signal.signal(signal.SIGINT, interrupt)
     try:
-        yield lambda: asked
+        yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@app.command()
+def domains() -> None:
+    """List the domains that come with Executive, and their problems."""
+    from executive.domain import list_domains, load_domain
+
+    for name in list_domains():
+        domain = load_domain(name)
+        print(f"{name}: {domain.description or domain.title}")
+        print(f"    executive run {name}    # {domain.task.problem}")
+        for problem in sorted((domain.folder / "problems").glob("*.pddl")):
+            print(f"    executive run {name} --problem {problem.stem}")
