@@ -26,6 +26,9 @@ _EDGE = 0.05
 _RANGE = 0.8
 """Longest new edge of the tree, in rad."""
 
+_NEAR = 0.8
+"""rad around the box of start and goals in which a detour is looked for first."""
+
 _REFINE = 120
 """Iterations after the first solution."""
 
@@ -53,18 +56,14 @@ class MotionPlanner:
     def __init__(self, limits: ArmLimits, free: Callable[[FloatArray], bool]) -> None:
         self._free = free
         dof = len(limits.lower)
+        self._limits = limits
         self._space = ob.RealVectorStateSpace(dof)
-        bounds = ob.RealVectorBounds(dof)
-        for joint in range(dof):
-            bounds.setLow(joint, float(limits.lower[joint]))
-            bounds.setHigh(joint, float(limits.upper[joint]))
-        self._space.setBounds(bounds)
+        self._bound(limits.lower, limits.upper)
         self._information = ob.SpaceInformation(self._space)
         # The closure must not hold `self`: OMPL's bindings keep it, and a cycle through them is never collected.
         self._information.setStateValidityChecker(lambda state: free(np.array([state[i] for i in range(dof)])))
         self._information.setStateValidityCheckingResolution(_EDGE / self._space.getMaximumExtent())
         self._information.setup()
-        self._dof = dof
 
     def plan(self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int = 4000) -> Path | None:
         """A path from `start` to the goal that is nearest by what is free; None when none is found in `iterations`.
@@ -82,11 +81,30 @@ class MotionPlanner:
             if self.edge_free(start, goal):
                 seconds = time.perf_counter() - began
                 return Path(np.stack([start, goal]), float(np.linalg.norm(goal - start)), "straight", 0, seconds)
+        # Most detours are short: look near the two ends first, and everywhere only when that fails.
+        ends = np.stack([start, *open_goals])
+        low, high = ends.min(axis=0) - _NEAR, ends.max(axis=0) + _NEAR
+        for lower, upper in (
+            (np.maximum(low, self._limits.lower), np.minimum(high, self._limits.upper)),
+            (self._limits.lower, self._limits.upper),
+        ):
+            self._bound(lower, upper)
+            found = self._search(start, open_goals, seed, iterations // 2)
+            if found is not None:
+                path, count = found
+                cost = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+                return Path(path, cost, "RRT*", count, time.perf_counter() - began)
+        return None
+
+    def _search(
+        self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int
+    ) -> tuple[FloatArray, int] | None:
+        """RRT*, then OMPL's shortcutting: the path and how many iterations it took."""
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
         problem = ob.ProblemDefinition(self._information)
         problem.addStartState(self._state(start))
         target = ob.GoalStates(self._information)
-        for goal in open_goals:
+        for goal in goals:
             target.addState(self._state(goal))
         problem.setGoal(target)
         problem.setOptimizationObjective(ob.PathLengthOptimizationObjective(self._information))
@@ -104,14 +122,19 @@ class MotionPlanner:
         simplifier.reduceVertices(found)
         simplifier.partialShortcutPath(found, 60, 30)
         states = [found.getState(index) for index in range(found.getStateCount())]
-        path = np.array([[state[joint] for joint in range(self._dof)] for state in states])
-        cost = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-        return Path(path, cost, "RRT*", progress.count, time.perf_counter() - began)
+        return np.array([[state[joint] for joint in range(len(start))] for state in states]), progress.count
 
     def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
         """Whether the straight edge touches nothing, its ends included."""
         steps = max(1, math.ceil(float(np.linalg.norm(goal - start)) / _EDGE))
         return all(self._free(start + (goal - start) * (index / steps)) for index in range(steps + 1))
+
+    def _bound(self, lower: FloatArray, upper: FloatArray) -> None:
+        bounds = ob.RealVectorBounds(len(lower))
+        for joint, (low, high) in enumerate(zip(lower, upper, strict=True)):
+            bounds.setLow(joint, float(low))
+            bounds.setHigh(joint, float(high))
+        self._space.setBounds(bounds)
 
     def _state(self, q: FloatArray) -> object:
         state = self._space.allocState()

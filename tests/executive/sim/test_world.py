@@ -1,0 +1,181 @@
+"""The world is drawn by seed, can be saved and restored, is seen whole, and is broken only as it is told."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from executive.errors import DomainError, InputError
+from executive.sim import placement, scene
+from executive.sim.truth import Truth
+from executive.sim.world import MujocoWorld
+from executive.types import Atom, Frame
+from tests.contracts import check_world
+from tests.executive.sim.stage import ITEMS, MEANING, TABLES, grocery
+
+
+@pytest.fixture(scope="module")
+def world() -> MujocoWorld:
+    return grocery(seed=3)
+
+
+def test_keeps_the_contract_of_worlds() -> None:
+    check_world(grocery(seed=1))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_items_stand_upright_apart_and_within_reach(seed: int) -> None:
+    drawn = grocery(seed)
+    poses = drawn.obstacles()
+    truth = Truth(drawn, MEANING).of([Atom("on-table", (item, table)) for item in ITEMS for table in TABLES])
+    near, far = drawn.spec.robot.reach
+    for item, pose in poses.items():
+        up = np.zeros(9)
+        mujoco.mju_quat2Mat(up, pose[3:])
+        assert up[8] > 0.99, f"{item} does not stand upright"
+        assert sum(truth[Atom("on-table", (item, table))] for table in TABLES) == 1
+        assert near - 0.02 <= np.hypot(*pose[:2]) <= far + 0.02
+        for other, place in poses.items():
+            if other != item:
+                room = placement.footprint(drawn.shapes[item]) + placement.footprint(drawn.shapes[other])
+                assert np.hypot(*(pose[:2] - place[:2])) > room + drawn.spec.placement.gap - 0.02
+
+
+def test_seed_fixes_the_scene_and_another_changes_it() -> None:
+    first, again, other = grocery(7).obstacles(), grocery(7).obstacles(), grocery(8).obstacles()
+    assert all(np.array_equal(first[item], again[item]) for item in ITEMS)
+    assert any(not np.allclose(first[item], other[item]) for item in ITEMS)
+
+
+def test_declared_places_are_kept() -> None:
+    for seed in range(3):
+        drawn = grocery(seed, placed={"milk-carton": "black-table", "cereal-box": "wood-table"})
+        assert Truth(drawn, MEANING).of([Atom.parse("on-table(milk-carton,black-table)")]).true
+        assert Truth(drawn, MEANING).of([Atom.parse("on-table(cereal-box,wood-table)")]).true
+    with pytest.raises(DomainError, match="is no table"):
+        grocery(0, placed={"lemon": "milk-carton"})
+
+
+def test_restored_world_goes_on_as_the_saved_one(world: MujocoWorld) -> None:
+    saved = world.snapshot()
+    world.command_gripper(1.0)
+    world.settle(0.5)
+    first, located = world.data.qpos.copy(), world.locate("lemon")
+    world.restore(saved)
+    world.command_gripper(1.0)
+    world.settle(0.5)
+    assert np.array_equal(world.data.qpos, first)
+    assert np.array_equal(world.locate("lemon"), located)
+    world.restore(saved)
+
+
+def test_foreign_snapshot_is_refused(world: MujocoWorld) -> None:
+    with pytest.raises(InputError, match="not a snapshot"):
+        world.restore(b"nonsense")
+    with pytest.raises(InputError, match="another scene"):
+        world.restore(grocery(0, items=("lemon",)).snapshot())
+
+
+def test_nothing_but_the_hands_own_joints_is_constrained(world: MujocoWorld) -> None:
+    model = world.model
+    assert all(kind == mujoco.mjtEq.mjEQ_JOINT for kind in model.eq_type)
+    joints = {model.joint(index).name for index in (*model.eq_obj1id, *model.eq_obj2id)}
+    assert joints == set(scene.FINGER_JOINTS)
+
+
+@pytest.mark.parametrize("seed", [3, 5, 11])
+def test_every_item_and_the_jaws_can_be_seen(seed: int) -> None:
+    drawn = grocery(seed)
+    seen = dict.fromkeys([*ITEMS, "jaws"], 0)
+    fingers = {drawn.model.body(name).id for name in ("left_inner_finger", "right_inner_finger")}
+    for camera in drawn.spec.cameras:
+        drawn.render(camera.name)
+        renderer = drawn._rendering(camera.height, camera.width)
+        renderer.enable_segmentation_rendering()
+        options = mujoco.MjvOption()
+        options.geomgroup[:] = 0
+        options.geomgroup[scene.VISUAL] = options.geomgroup[scene.ITEM] = 1
+        renderer.update_scene(drawn.data, camera.name, options)
+        owner = np.append(drawn.model.geom_bodyid, -1)[renderer.render()[:, :, 0]]
+        renderer.disable_segmentation_rendering()
+        for item in ITEMS:
+            root = drawn.model.body(item).id
+            bodies = np.flatnonzero(drawn.model.body_rootid == root)
+            seen[item] = max(seen[item], int(np.isin(owner, bodies).sum()))
+        seen["jaws"] = max(seen["jaws"], int(np.isin(owner, list(fingers)).sum()))
+    drawn.close()
+    assert min(seen.values()) > 500, seen
+
+
+def test_a_dropping_gripper_opens_and_obeys_again(world: MujocoWorld) -> None:
+    saved = world.snapshot()
+    world.command_gripper(1.0)
+    world.settle(0.6)
+    assert world.gripper_width() < 0.01
+    world.disturb("drop", np.random.default_rng(0))
+    world.settle(0.5)
+    assert world.gripper_width() > 0.06
+    world.settle(1.2)
+    assert world.gripper_width() < 0.01
+    world.restore(saved)
+
+
+def test_a_miss_misleads_once(world: MujocoWorld) -> None:
+    right = world.locate("lemon")
+    world.disturb("miss", np.random.default_rng(0))
+    wrong = world.locate("lemon")
+    assert np.linalg.norm(wrong[:2] - right[:2]) == pytest.approx(0.075)
+    assert np.array_equal(world.locate("lemon"), right)
+
+
+def test_a_shove_moves_one_item_to_another_free_place() -> None:
+    drawn = grocery(2)
+    before = drawn.obstacles()
+    said = drawn.disturb("shove", np.random.default_rng(4), item="soda-can")
+    after = drawn.obstacles()
+    assert said.startswith("someone moved soda-can to ")
+    table = said.rsplit(" ", 1)[1]
+    assert Truth(drawn, MEANING).of([Atom("on-table", ("soda-can", table))]).true
+    assert np.linalg.norm(after["soda-can"][:2] - before["soda-can"][:2]) > 0.02
+    for item in set(ITEMS) - {"soda-can"}:
+        assert np.linalg.norm(after[item][:3] - before[item][:3]) < 0.005
+
+
+def test_unknown_disturbance_names_the_valid_ones(world: MujocoWorld) -> None:
+    with pytest.raises(InputError, match="did you mean 'drop'"):
+        world.disturb("drp", np.random.default_rng(0))
+
+
+def test_what_is_scheduled_happens_then_and_once(world: MujocoWorld) -> None:
+    called: list[float] = []
+    start = world.time
+    world.schedule(0.2, lambda: called.append(world.time))
+    world.settle(0.1)
+    assert called == []
+    world.settle(0.3)
+    assert len(called) == 1
+    assert called[0] - start == pytest.approx(0.2, abs=0.01)
+
+
+def test_watchers_see_frames_and_change_nothing() -> None:
+    watched, alone = grocery(5), grocery(5)
+    frames: list[Frame] = []
+    watched.watch(frames.append)
+    for each in (watched, alone):
+        each.command_gripper(1.0)
+        each.settle(1.0)
+    assert 8 <= len(frames) <= 12
+    assert np.array_equal(watched.data.qpos, alone.data.qpos)
+    assert set(ITEMS) <= set(frames[0].poses)
+
+
+def test_scenery_is_sound_and_names_what_frames_move(world: MujocoWorld) -> None:
+    scenery = world.scenery()
+    moving = set(world.frame().poses)
+    for geometry in scenery.geometries:
+        assert geometry.faces.max() < len(geometry.vertices)
+        assert np.isfinite(geometry.vertices).all()
+        assert geometry.body == "" or geometry.body in moving
+    assert {camera.name for camera in scenery.cameras} == {camera.name for camera in world.spec.cameras}
+    assert sum(len(geometry.vertices) for geometry in scenery.geometries) < 40_000

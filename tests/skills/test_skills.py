@@ -1,0 +1,175 @@
+"""Pick and place on the real stack: what they do, and what they say of it when it goes wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from executive.protocols import SkillContext
+from executive.sim.truth import Truth
+from executive.sim.world import MujocoWorld
+from executive.types import Atom, Facts, Motion, Phase, SkillResult, SkillStatus, Step
+from skills import grasps, poses
+from skills.pick import pick
+from skills.place import place
+from tests.executive.sim.stage import ITEMS, MEANING, TABLES, grocery
+
+
+class Robot:
+    """A world and the skills on it, with what they announced."""
+
+    def __init__(self, world: MujocoWorld, seed: int = 0) -> None:
+        self.world, self.rng = world, np.random.default_rng(seed)
+        self.said: list[Phase | Motion] = []
+        self.cancelled = False
+        self.truth = Truth(world, MEANING)
+
+    def pick(self, item: str, table: str) -> SkillResult:
+        return pick(Step("pick", (item, table), Facts(), Facts()), self._context())
+
+    def place(self, item: str, table: str) -> SkillResult:
+        return place(Step("place", (item, table), Facts(), Facts()), self._context())
+
+    def table_of(self, item: str) -> str:
+        return next(t for t in TABLES if self.so(f"on-table({item},{t})"))
+
+    def so(self, atom: str) -> bool:
+        return bool(self.truth.of([Atom.parse(atom)]).true)
+
+    def phases(self) -> list[str]:
+        return [event.name for event in self.said if isinstance(event, Phase)]
+
+    def _context(self) -> SkillContext:
+        return SkillContext(self.world.handle, self.rng, self.said.append, lambda: self.cancelled)
+
+
+def other(table: str) -> str:
+    return TABLES[(TABLES.index(table) + 1) % 3]
+
+
+@pytest.mark.parametrize("item", ITEMS)
+def test_picks_and_places(item: str) -> None:
+    robot = Robot(grocery(seed=20))
+    source = robot.table_of(item)
+    result = robot.pick(item, source)
+    assert result.status is SkillStatus.DONE, result.reason
+    assert robot.so(f"robot-gripping({item})")
+    assert np.abs(robot.world.joints() - robot.world.handle.limits.home).max() < 0.02
+    result = robot.place(item, other(source))
+    assert result.status is SkillStatus.DONE, result.reason
+    assert robot.so(f"on-table({item},{other(source)})")
+    assert robot.so("robot-gripper-empty()")
+    assert robot.phases().count("transfer") == 2
+
+
+def test_same_seed_same_poses() -> None:
+    ends = []
+    for _ in range(2):
+        robot = Robot(grocery(seed=6), seed=9)
+        source = robot.table_of("milk-carton")
+        robot.pick("milk-carton", source)
+        robot.place("milk-carton", other(source))
+        ends.append(robot.world.data.qpos.copy())
+    assert np.array_equal(*ends)
+
+
+def test_an_item_elsewhere_is_not_fetched() -> None:
+    robot = Robot(grocery(seed=20))
+    wrong = other(robot.table_of("lemon"))
+    before = robot.world.obstacles()
+    result = robot.pick("lemon", wrong)
+    assert result.status is SkillStatus.NOT_THERE
+    assert wrong in result.reason
+    assert all(np.allclose(before[item], pose, atol=1e-3) for item, pose in robot.world.obstacles().items())
+
+
+def test_placing_what_is_not_held_is_refused() -> None:
+    robot = Robot(grocery(seed=20))
+    assert robot.place("lemon", "wood-table").status is SkillStatus.NOT_THERE
+
+
+def test_a_missed_grasp_is_felt() -> None:
+    robot = Robot(grocery(seed=20))
+    robot.world.disturb("miss", np.random.default_rng(1))
+    result = robot.pick("bread-loaf", robot.table_of("bread-loaf"))
+    assert result.status in (SkillStatus.GRASP_MISSED, SkillStatus.NOT_THERE)
+    assert not robot.so("robot-gripping(bread-loaf)")
+
+
+def test_a_drop_is_felt_and_ends_the_skill_early() -> None:
+    robot = Robot(grocery(seed=20))
+    source = robot.table_of("soda-can")
+    assert robot.pick("soda-can", source).done
+
+    def drop_in_transfer(event: Phase | Motion) -> None:
+        robot.said.append(event)
+        if isinstance(event, Phase) and event.name == "transfer":
+            robot.world.schedule(0.4 * event.seconds, lambda: robot.world.disturb("drop", robot.rng) and None)
+
+    context = SkillContext(robot.world.handle, robot.rng, drop_in_transfer, lambda: False)
+    result = place(Step("place", ("soda-can", other(source)), Facts(), Facts()), context)
+    assert result.status is SkillStatus.DROPPED
+    assert result.planned_seconds > result.seconds + 0.3
+    assert not robot.so("robot-gripping(soda-can)")
+    assert "lower" not in robot.phases()[robot.phases().index("transfer", 6) :]
+
+
+def test_cancelled_stops_and_can_be_called_again() -> None:
+    robot = Robot(grocery(seed=20))
+    source = robot.table_of("cereal-box")
+    robot.world.schedule(1.2, lambda: setattr(robot, "cancelled", True))
+    result = robot.pick("cereal-box", source)
+    assert result.status is SkillStatus.CANCELLED
+    robot.world.settle(0.3)
+    assert np.abs(robot.world.data.qvel[:6]).max() < 0.02
+    robot.cancelled = False
+    assert robot.pick("cereal-box", source).done
+
+
+def test_without_home_pose_an_action_ends_where_it_is_done() -> None:
+    robot = Robot(grocery(seed=20, home_pose=False))
+    source = robot.table_of("milk-carton")
+    assert robot.pick("milk-carton", source).done
+    assert robot.so("robot-gripping(milk-carton)")
+    assert np.abs(robot.world.joints() - robot.world.handle.limits.home).max() > 0.1
+    assert robot.place("milk-carton", other(source)).done
+    assert robot.so(f"on-table(milk-carton,{other(source)})")
+
+
+def test_a_full_hand_does_not_pick() -> None:
+    robot = Robot(grocery(seed=20))
+    assert robot.pick("lemon", robot.table_of("lemon")).done
+    result = robot.pick("soda-can", robot.table_of("soda-can"))
+    assert not result.done
+    assert robot.so("robot-gripping(lemon)")
+
+
+def test_grasps_close_across_what_fits_and_reach_down() -> None:
+    world = grocery(seed=20)
+    rng = np.random.default_rng(0)
+    for item, shape in world.shapes.items():
+        quaternion = rng.normal(size=4)
+        pose = np.concatenate([[0.4, 0.0, 0.9], quaternion / np.linalg.norm(quaternion)])
+        for rotation in (poses.matrix(world.obstacles()[item]), poses.matrix(pose)):
+            for grasp in grasps.candidates(rotation, shape, 0.8):
+                assert np.allclose(grasp[:3, :3].T @ grasp[:3, :3], np.eye(3), atol=1e-9)
+                assert np.linalg.det(grasp[:3, :3]) == pytest.approx(1.0)
+                assert grasp[2, 2] < -0.4  # from above
+                assert 2 * shape.reach(rotation[:3, :3].T @ grasp[:3, 0]) < 0.08
+                assert grasp[2, 3] >= 0.8
+
+
+def test_resting_is_the_nearest_way_to_stand() -> None:
+    world = grocery(seed=20)
+    rng = np.random.default_rng(1)
+    for shape in world.shapes.values():
+        for _ in range(20):
+            quaternion = rng.normal(size=4)
+            item = poses.matrix(np.concatenate([[0, 0, 1], quaternion / np.linalg.norm(quaternion)]))
+            rested = grasps.resting(item, shape)
+            assert np.linalg.det(rested) == pytest.approx(1.0)
+            flat = np.abs(rested[2])
+            if shape.axis is None:
+                assert np.max(flat) == pytest.approx(1.0)
+            else:
+                assert min(abs(flat[shape.axis]), abs(flat[shape.axis] - 1.0)) < 1e-6
