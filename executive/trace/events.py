@@ -1,0 +1,193 @@
+"""The durable record of a run: `events.jsonl`, one line an event, and the pictures beside it.
+
+A line is `{"v": 1, "type": "Belief", "cycle": 3, "time": 12.3, "wall": 4.5, "data": {...}}`: format version, payload
+type, the event's stamps, the payload's fields. A line is written in one piece and handed to the operating system
+before the next event is looked at, so that killing the process (even with SIGKILL) loses no event that was reported;
+lines that a decision hangs on also survive a power cut. A last line without its newline was cut off by a kill and is
+not part of the record.
+
+What only pleases the eye (`Scenery`, `Frame`) is not recorded here, and of a motion at most `MOTION_POINTS` points.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from executive.errors import InputError, nearest
+from executive.trace.codec import RECORDED, JsonValue, decode, encode
+from executive.trace.pictures import read_picture, to_jpeg
+from executive.types import Decision, Ended, Event, Image, Motion, Observation, Started
+
+FORMAT = 1
+EVENTS_FILE = "events.jsonl"
+IMAGES_FOLDER = "images"
+MOTION_POINTS = 64
+_DECISIVE = (Started, Decision, Ended)
+_STAMPS: tuple[tuple[type, str], ...] = ((int, "cycle"), (float, "time"), (float, "wall"))
+
+
+class EventLog:
+    """A sink that writes a run's events into its folder, which it makes when it is missing.
+
+    Opened on a folder that has a record already, it goes on at its end, after cutting off a half-written last line.
+
+    Raises:
+        InputError: the folder cannot be written to.
+    """
+
+    def __init__(self, run: Path | str) -> None:
+        self._run = Path(run)
+        path = self._run / EVENTS_FILE
+        try:
+            (self._run / IMAGES_FOLDER).mkdir(parents=True, exist_ok=True)
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror})", file=path) from None
+        self._size = _whole(self._file)
+        os.ftruncate(self._file, self._size)
+        self._closed = False
+
+    def write(self, event: Event) -> None:
+        """Append one event; a picture is on disk before the line that names it.
+
+        Raises:
+            OSError: the disk is full or gone; what was recorded before stays readable.
+        """
+        payload = event.payload
+        if type(payload).__name__ not in RECORDED:
+            return
+        if isinstance(payload, Motion):
+            data = encode(_thinned(payload))
+        elif isinstance(payload, Observation):
+            names = {camera: self._save(payload.id, camera, image) for camera, image in payload.images.items()}
+            data = encode(replace(payload, images={})) | {"images": names}
+        else:
+            data = encode(payload)
+        stamps = {key: encode(getattr(event, key)) for _, key in _STAMPS}
+        record = {"v": FORMAT, "type": type(payload).__name__, **stamps, "data": data}
+        self._append(json.dumps(record, allow_nan=False) + "\n")
+        if isinstance(payload, _DECISIVE):
+            os.fdatasync(self._file)
+
+    def close(self) -> None:
+        if not self._closed:
+            self._closed = True
+            os.close(self._file)
+
+    def _append(self, line: str) -> None:
+        data = line.encode()
+        try:
+            written = os.write(self._file, data)
+            if written != len(data):
+                raise OSError(f"only {written} of {len(data)} bytes of an event could be written")
+        except OSError:
+            os.ftruncate(self._file, self._size)  # half a line would make the next one unreadable, too
+            raise
+        self._size += len(data)
+
+    def _save(self, observation: int, camera: str, image: Image) -> str:
+        name = f"{IMAGES_FOLDER}/{observation:04d}-{quote(camera, safe='')}.jpg"
+        (self._run / name).write_bytes(to_jpeg(image))
+        return name
+
+
+def read_events(run: Path | str, images: bool = True) -> Iterator[Event]:
+    """The events of a run, in the order in which they happened.
+
+    Args:
+        run: a run's folder, or its `events.jsonl`.
+        images: also read the pictures of each look; without them, an observation has none.
+
+    Raises:
+        InputError: no such file, or a line that is not an event of this format; file and line are named.
+    """
+    path = Path(run)
+    path = path / EVENTS_FILE if path.is_dir() else path
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise InputError(f"no record of a run ({error.strerror})", file=path) from None
+    with file:
+        for number, line in enumerate(file, start=1):
+            if not line.endswith(b"\n"):
+                return
+            try:
+                yield _event(line, path.parent, images)
+            except (ValueError, OverflowError, RecursionError) as error:
+                raise InputError(str(error) or type(error).__name__, file=path, key=f"line {number}") from None
+
+
+def _event(line: bytes, folder: Path, images: bool) -> Event:
+    record = _record(line)
+    name = record.get("type")
+    if name not in RECORDED:
+        raise ValueError(f"unknown event type {name!r}; {nearest(str(name), RECORDED)}")
+    data = record.get("data")
+    pictures: Mapping[str, Image] = {}
+    if RECORDED[name] is Observation and isinstance(data, dict):
+        stored = data.get("images", {})
+        pictures = _pictures(stored, folder) if images else {}
+        data = {**data, "images": {}}
+    payload = decode(RECORDED[name], data)
+    if pictures:
+        payload = replace(payload, images=pictures)
+    return Event(*(decode(kind, record.get(key)) for kind, key in _STAMPS), payload)
+
+
+def _record(line: bytes) -> dict[str, Any]:
+    try:
+        record = json.loads(line)
+    except (ValueError, RecursionError):
+        raise ValueError("not a JSON object; is this a record of a run?") from None
+    version = record.get("v") if isinstance(record, dict) else None
+    if not isinstance(version, int) or isinstance(version, bool):
+        raise ValueError("no format version; is this a record of a run?")
+    if version > FORMAT:
+        raise ValueError(f"written by a newer Executive (format {version}, this one reads {FORMAT}): update it")
+    if version < 1:
+        raise ValueError(f"there is no format {version}")
+    return dict(record)
+
+
+def _pictures(stored: JsonValue, folder: Path) -> dict[str, Image]:
+    if not isinstance(stored, dict):
+        raise ValueError("images: expected an object")
+    pictures = {}
+    for camera, name in stored.items():
+        # A record comes from anywhere; it may name pictures in its own folder and no other file.
+        if not isinstance(name, str) or not name.startswith(f"{IMAGES_FOLDER}/") or name.count("/") != 1:
+            raise ValueError(f"images: {camera}: {str(name)[:60]!r} is not a file in {IMAGES_FOLDER}/")
+        pictures[camera] = read_picture(folder / name)
+    return pictures
+
+
+def _thinned(motion: Motion) -> Motion:
+    """At most `MOTION_POINTS` of a motion's points, the first and the last among them, to 0.1 mrad and 0.1 mm."""
+    count = len(motion.configurations)
+    kept = np.unique(np.linspace(0, count - 1, min(count, MOTION_POINTS)).round().astype(int))
+    path = motion.end_effector
+    return replace(
+        motion,
+        configurations=motion.configurations[kept].round(4),
+        end_effector=(path[kept] if len(path) == count else path[:MOTION_POINTS]).round(4),
+    )
+
+
+def _whole(file: int) -> int:
+    """How many bytes of a record are whole lines."""
+    end = os.fstat(file).st_size
+    while end:
+        start = max(0, end - 65536)
+        newline = os.pread(file, end - start, start).rfind(b"\n")
+        if newline >= 0:
+            return start + newline + 1
+        end = start
+    return 0

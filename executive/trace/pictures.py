@@ -1,0 +1,35 @@
+"""Camera pictures as JPEG: what the record keeps and what the viewer shows."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from executive.errors import InputError
+from executive.types import Image
+
+
+def to_jpeg(image: Image, quality: int = 90) -> bytes:
+    """An (H, W, 3) uint8 RGB picture as JPEG."""
+    from PIL import Image as Picture
+
+    buffer = io.BytesIO()
+    Picture.fromarray(image).save(buffer, "JPEG", quality=quality)
+    return buffer.getvalue()
+
+
+def read_picture(path: Path) -> Image:
+    """The picture in a file, (H, W, 3) uint8 RGB.
+
+    Raises:
+        InputError: the file is missing or is no picture.
+    """
+    from PIL import Image as Picture
+
+    try:
+        with Picture.open(path) as picture:
+            return np.asarray(picture.convert("RGB"))
+    except (OSError, ValueError, SyntaxError) as error:
+        raise InputError(f"not a readable picture ({error})", file=path) from None
