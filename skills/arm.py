@@ -10,7 +10,7 @@ import numpy as np
 from executive.protocols import SkillContext
 from executive.sim.handle import Handle
 from executive.types import FloatArray, Motion, Phase, SkillResult, SkillStatus, Step
-from skills import trajectory
+from skills import poses, trajectory
 from skills.collision import CollisionModel, Held
 from skills.ik import Kinematics
 from skills.motion import MotionPlanner
@@ -26,6 +26,9 @@ _SLACK = 0.008
 
 _BLOCKED = 0.25
 """rad; a joint that is this far from where it is commanded to be is held up by something."""
+
+_WITHDRAW = np.linspace(0.01, 0.10, 10)
+"""Heights in m through which a hand that touches something withdraws."""
 
 _GRIP_SECONDS = 0.6
 _BRAKE_SECONDS = 0.25
@@ -70,6 +73,8 @@ class Attempt:
         self._began = self.body.time
         self._ahead = 0.0
         self._grip_width: float | None = None
+        self.carried: str | None = None
+        """The item that the hand is meant to hold."""
 
     @property
     def holding(self) -> bool:
@@ -88,13 +93,28 @@ class Attempt:
         self._last_plan = found
         return None if found is None else found.configurations
 
+    def held(self) -> Held | None:
+        """What the hand carries, as it lies in the hand at this moment; None for an empty hand."""
+        if self.carried is None or not self.holding:
+            return None
+        hand = self.arm.kinematics.forward(self.body.joints())
+        return Held(self.carried, poses.inverse(hand) @ poses.matrix(self.body.obstacles()[self.carried]))
+
     def look_around(self, held: Held | None = None, ignored: Sequence[str] = ()) -> None:
         """Bring the collision model up to date."""
         self.arm.collision.update(self.body.obstacles(), self.body.gripper_joints(), held, ignored)
 
-    def move(self, name: str, path: FloatArray, *, speed: float = 1.0, planned: bool = False) -> None:
+    def move(
+        self,
+        name: str,
+        path: FloatArray,
+        *,
+        speed: float = 1.0,
+        planned: bool = False,
+        then: Sequence[FloatArray] = (),
+    ) -> None:
         """Follow a path in a phase of its own, and stop early when what is held slips out, when something is in the
-        way, or when the run is cancelled.
+        way, or when the run is cancelled. `then` are the paths that were to follow, for telling what time that saves.
 
         Raises:
             SkillError: DROPPED, TIMED_OUT or CANCELLED, once the arm stands still.
@@ -123,12 +143,13 @@ class Attempt:
             self.body.command(course.position(elapsed), course.velocity(elapsed) * max(rate, 0.0))
             self.body.advance()
         if failure is not None:
-            self._ahead += course.seconds - elapsed
+            later = sum(trajectory.timed(other, self.handle.limits, 0.5).seconds for other in then)
+            self._ahead += course.seconds - elapsed + later
             raise failure
         self._arrive(course.position(course.seconds))
 
-    def close_gripper(self) -> None:
-        """Close until something is held.
+    def close_gripper(self, item: str) -> None:
+        """Close until something is held, which is taken to be `item`.
 
         Raises:
             SkillError: GRASP_MISSED when there is nothing between the fingers.
@@ -136,14 +157,16 @@ class Attempt:
         self._drive_gripper(1.0)
         if not self.holding:
             raise SkillError(SkillStatus.GRASP_MISSED, "the gripper closed on nothing")
+        self.carried = item
         self._grip_width = self.body.gripper_width()
 
     def open_gripper(self) -> None:
-        self._grip_width = None
+        self._grip_width = self.carried = None
         self._drive_gripper(0.0)
 
-    def take_over_grip(self) -> None:
+    def take_over_grip(self, item: str) -> None:
         """Go on with what the hand holds already."""
+        self.carried = item
         self._grip_width = self.body.gripper_width()
 
     def wait(self, seconds: float) -> None:
@@ -160,10 +183,6 @@ class Attempt:
     def result(self, status: SkillStatus, reason: str = "") -> SkillResult:
         seconds = self.body.time - self._began
         return SkillResult(self.step, status, reason, seconds, seconds + self._ahead)
-
-    def will_take(self, path: FloatArray) -> None:
-        """Count a motion that is planned and not yet made, so that an early end knows what it saved."""
-        self._ahead += trajectory.timed(path, self.handle.limits).seconds
 
     def _felt(self) -> SkillError | None:
         if self.context.cancelled():
@@ -202,19 +221,27 @@ def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) 
             attempt.wait(0.4)  # let what fell come to rest
             if attempt.handle.home_pose:
                 try:
-                    go_home(attempt, None)
+                    go_home(attempt)
                 except SkillError as second:
                     reason = f"{reason}; then, on the way home: {second.reason}"
         return attempt.result(failure.status, reason)
     return attempt.result(SkillStatus.DONE)
 
 
-def go_home(attempt: Attempt, held: Held | None) -> None:
-    """Move to the home pose.
+def go_home(attempt: Attempt) -> None:
+    """Move to the home pose, with what the hand holds; straight up first where the arm touches something.
 
     Raises:
         SkillError: NO_PATH when none is found, or whatever ends the motion.
     """
+    held, start = attempt.held(), attempt.body.joints()
+    attempt.look_around(held)
+    if not attempt.arm.collision.free(start):
+        here = attempt.arm.kinematics.forward(start)
+        up = attempt.arm.kinematics.line(start, [poses.translated(here, np.array([0, 0, rise])) for rise in _WITHDRAW])
+        clear = [index for index, q in enumerate(up or []) if attempt.arm.collision.free(q)]
+        if up is not None and clear:
+            attempt.move("retreat", np.array([start, *up[: clear[0] + 1]]), speed=0.4)
     path = attempt.plan([attempt.handle.limits.home], held)
     if path is None:
         raise SkillError(SkillStatus.NO_PATH, "no collision-free motion to the home pose")

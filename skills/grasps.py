@@ -116,7 +116,7 @@ def spots(
     others: Mapping[str, FloatArray],
     shapes: Mapping[str, ItemShape],
     rng: np.random.Generator,
-    count: int = 10,
+    count: int = 24,
 ) -> list[FloatArray]:
     """Free places on a table, roomiest first: the item's centre (3,) for an item with `rotation`.
 
@@ -139,7 +139,7 @@ def spots(
     for local in rng.uniform(-1.0, 1.0, (120, 2)) * inset:
         point = np.array(table.centre[:2]) + np.array([[cos, -sin], [sin, cos]]) @ local
         room = min((float(np.linalg.norm(point - middle)) - size - radius for middle, size in obstacles), default=1.0)
-        if room > 0.02:
+        if room > -0.04:  # the outlines are circles; whether the shapes themselves touch is for the collision check
             # Beyond what the fingers need, more room is no better; then a place near the middle is easier to reach.
             worth = min(room, 0.07) - 0.1 * float(np.linalg.norm(local))
             found.append((worth, np.array([*point, table.centre[2] + half[2] + 0.003])))

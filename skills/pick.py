@@ -64,21 +64,15 @@ def _pick(attempt: Attempt) -> None:
     attempt.move("approach", reach.approach, speed=0.5)
     attempt.phase("grip")
     try:
-        attempt.close_gripper()
+        attempt.close_gripper(item)
     except SkillError:
         attempt.open_gripper()
         attempt.move("retreat", np.concatenate([reach.approach[-1:], reach.lift]), speed=0.6)
         raise
     attempt.move("lift", np.concatenate([reach.approach[-1:], reach.lift]), speed=0.6)
     if attempt.handle.home_pose:
-        go_home(attempt, held_now(attempt, item))
+        go_home(attempt)
         attempt.still_held()
-
-
-def held_now(attempt: Attempt, item: str) -> Held:
-    """The item as it lies in the hand at this moment."""
-    hand = attempt.arm.kinematics.forward(attempt.body.joints())
-    return Held(item, poses.inverse(hand) @ poses.matrix(attempt.body.obstacles()[item]))
 
 
 def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> list[_Reach]:

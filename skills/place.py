@@ -12,7 +12,6 @@ from executive.types import FloatArray, SkillResult, SkillStatus, Step
 from skills import grasps, poses
 from skills.arm import Attempt, SkillError, go_home, perform
 from skills.collision import Held
-from skills.pick import held_now
 
 _LOWER = np.linspace(0.10, 0.0, 8)
 """Heights above the final pose in m through which the item is lowered straight down."""
@@ -46,10 +45,11 @@ def place(step: Step, context: SkillContext) -> SkillResult:
 
 def _place(attempt: Attempt) -> None:
     item, table = attempt.step.args
-    held = held_now(attempt, item)
-    if not attempt.holding or float(np.linalg.norm(held.in_hand[:3, 3])) > _IN_HAND:
+    attempt.take_over_grip(item)
+    held = attempt.held()
+    if held is None or float(np.linalg.norm(held.in_hand[:3, 3])) > _IN_HAND:
+        attempt.carried = None
         raise SkillError(SkillStatus.NOT_THERE, f"the gripper does not hold {item}")
-    attempt.take_over_grip()
     attempt.phase("plan", f"a spot on {table}")
     descents = _descents(attempt, held, table)
     if not descents:
@@ -60,14 +60,14 @@ def _place(attempt: Attempt) -> None:
             break
     else:
         raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {table}")
-    attempt.move("transfer", path, planned=True)
+    attempt.move("transfer", path, planned=True, then=[descent.lower, descent.retreat])
     attempt.move("lower", descent.lower, speed=0.5)
     attempt.still_held()
     attempt.phase("release")
     attempt.open_gripper()
     attempt.move("retreat", np.concatenate([descent.lower[-1:], descent.retreat]), speed=0.6)
     if attempt.handle.home_pose:
-        go_home(attempt, None)
+        go_home(attempt)
 
 
 def _descents(attempt: Attempt, held: Held, table: str) -> list[_Descent]:

@@ -250,13 +250,13 @@ TEXTURE_FILES = {"wood": "light-wood.png", "dark-wood": "dark-wood.png", "cerami
 def _item(scene: mujoco.MjSpec, item: ItemSpec) -> None:
     body = scene.worldbody.add_body(name=item.name)
     body.add_freejoint(name=f"{item.name}/free")
-    friction = [item.friction, 0.02, 0.002]
+    friction = [item.friction, 0.02, 0.003]  # sliding; torsional and rolling, both in m: round things come to rest
     if item.shape is not None and item.size is not None:
         kind = mujoco.mjtGeom.mjGEOM_BOX if item.shape == "box" else mujoco.mjtGeom.mjGEOM_CYLINDER
         x, y, z = (0.5 * extent for extent in item.size)
         body.add_geom(
             name=f"{item.name}/body", type=kind, size=[x, y, z] if item.shape == "box" else [x, z, 0],
-            rgba=item.rgba or (0.7, 0.7, 0.7, 1), mass=item.mass, friction=friction, condim=4, group=ITEM,
+            rgba=item.rgba or (0.7, 0.7, 0.7, 1), mass=item.mass, friction=friction, condim=6, group=ITEM,
         )  # fmt: skip
         return
     source = assets.load(f"objects/{item.asset}.xml")
@@ -274,7 +274,7 @@ def _item(scene: mujoco.MjSpec, item: ItemSpec) -> None:
     geom.group = ITEM
     geom.mass = item.mass
     geom.friction = friction
-    geom.condim = 4
+    geom.condim = 6
     # robosuite's 1 ms contacts are stiffer than a 2 ms step resolves.
     geom.solref = [0.005, 1.0]
     geom.solimp = [0.95, 0.99, 0.001, 0.5, 2]

@@ -55,7 +55,7 @@ class TableSpec(_Strict):
 
 
 class ItemSpec(_Strict):
-    """A thing to be moved: a robosuite asset, scaled, or a primitive shape."""
+    """A thing to be moved: a robosuite asset, scaled (along its own x, y and z), or a primitive shape."""
 
     name: Name
     asset: str | None = None
