@@ -1,0 +1,95 @@
+"""What is expected of the world, and what becomes of it when it is looked at. Pure.
+
+A look enters here as the facts that its belief's thresholds derive (`Belief.facts`): what they do not mention is
+unknown. A plan is judged by regression, as PLANEX did with its triangle tables (Fikes, Hart and Nilsson 1972): it
+still stands when what is believed entails what its remaining steps and the goal ask for, however that came about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+from executive.types import Atom, Facts, Step, Verdict
+
+
+def compare(expected: Facts, seen: Facts) -> Verdict:
+    """Hold an expectation against what was seen: each of its atoms holds, is violated, or is unknown."""
+    known = expected.keys() & seen.keys()
+    holds = frozenset(atom for atom in known if seen[atom] is expected[atom])
+    return Verdict(holds, frozenset(known - holds), frozenset(expected.keys() - known))
+
+
+def progress(facts: Facts, step: Step) -> Facts:
+    """What is expected after `step`, begun where `facts` hold: its effects, and of everything else that it stays."""
+    return facts | step.effects
+
+
+def regress(steps: Sequence[Step], goal: Facts) -> Facts | None:
+    """The least that has to hold for `steps`, carried out in order, to run and to end where `goal` holds.
+
+    None when nothing can: a step undoes what is needed after it, or asks for the opposite of it.
+    """
+    needed: dict[Atom, bool] = dict(goal)
+    for step in reversed(steps):
+        for atom, value in step.effects.items():
+            if needed.pop(atom, value) is not value:
+                return None
+        for atom, value in step.preconditions.items():
+            if needed.setdefault(atom, value) is not value:
+                return None
+    return Facts(needed)
+
+
+def remaining(steps: Sequence[Step], state: Facts, goal: Facts) -> tuple[int, ...] | None:
+    """Which of `steps` (positions, in order) are still to be done to get from the complete `state` to `goal`.
+
+    Left out are steps that cannot be done or that nothing needs any more (greedy action elimination, Nakhost and
+    Mueller 2010). None when what is left does not reach the goal: then a new plan is called for.
+    """
+    kept, reached = _executed(steps, range(len(steps)), state, goal)
+    if not reached:
+        return None
+    position = 0
+    while position < len(kept):
+        fewer, reached = _executed(steps, kept[:position] + kept[position + 1 :], state, goal)
+        if reached:
+            kept = fewer
+        else:
+            position += 1
+    return kept
+
+
+class Outlook(NamedTuple):
+    """What becomes of the rest of a plan: the positions that are still to be done (None: it does not reach the goal any
+    more), the atoms that this hangs on, and whether it would reach the goal after one more try of the step before."""
+
+    rest: tuple[int, ...] | None
+    needed: frozenset[Atom]
+    repeatable: bool
+
+
+def outlook(step: Step, left: Sequence[Step], state: Facts, goal: Facts, surprised: bool) -> Outlook:
+    """The outlook after `step`, with the steps `left`, from the complete `state`.
+
+    Only a surprise is taken as an occasion to leave out steps; a plan that goes as expected is followed as it is.
+    """
+    needed, once_more = regress(left, goal), regress((step, *left), goal)
+    rest: tuple[int, ...] | None = tuple(range(len(left)))
+    if surprised or needed is None or not state.entails(needed):
+        rest = remaining(left, state, goal)
+        needed = needed if rest is None else regress([left[position] for position in rest], goal)
+    return Outlook(rest, frozenset(needed or ()), once_more is not None and state.entails(once_more))
+
+
+def _executed(
+    steps: Sequence[Step], positions: Iterable[int], state: Mapping[Atom, bool], goal: Facts
+) -> tuple[tuple[int, ...], bool]:
+    """The positions whose steps can be done in turn, and whether the goal holds after them."""
+    truth, done = dict(state), []
+    for position in positions:
+        step = steps[position]
+        if all(truth.get(atom) is value for atom, value in step.preconditions.items()):
+            truth.update(step.effects)
+            done.append(position)
+    return tuple(done), all(truth.get(atom) is value for atom, value in goal.items())

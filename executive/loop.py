@@ -1,0 +1,246 @@
+"""The closed loop: look, plan, do one step, look, compare, decide. All that changes in a run is the loop's `course`.
+
+A *cycle* is one turn of the loop: a step's preconditions are checked, it is dispatched, looked at, compared, what
+follows is decided and, where that asks for it, planned. Cycle 0 is the first look and the first plan. An *action* is a
+step that was dispatched; a cycle whose step could not begin has none.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
+from executive import policy
+from executive.compare import compare
+from executive.course import Course
+from executive.errors import InputError
+from executive.policy import Settings
+from executive.protocols import Estimator, FaultSource, Planner, Sink, Skill, World
+from executive.session import Session
+from executive.types import (
+    Belief,
+    Compared,
+    Decision,
+    DecisionKind,
+    Dispatched,
+    Ended,
+    Facts,
+    NoPlan,
+    NoPlanReason,
+    Plan,
+    Revised,
+    SkillResult,
+    SkillStatus,
+    Started,
+    Step,
+    Task,
+    Verdict,
+)
+
+
+class Executive:
+    """Carries one task to an end that has a name. An instance runs once.
+
+    Args:
+        skills: by the name of the action that each carries out.
+        estimator: says what is true after a look. Without one the executive is the blind baseline: it is told
+            `initial`, never looks, assumes each step's effects and carries on whatever its skills report. At the end
+            it claims the goal because it believes it, with `goal_seen` false because nobody looked.
+        sinks: see every event. One that raises is dropped with a warning, and nothing else changes.
+        initial: what a blind executive is told; one that looks has to see it for itself.
+        domain, run: names for the trace.
+
+    Raises:
+        InputError: neither an estimator nor initial facts.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        planner: Planner,
+        world: World,
+        skills: Mapping[str, Skill],
+        estimator: Estimator | None,
+        sinks: Sequence[Sink] = (),
+        settings: Settings | None = None,
+        faults: FaultSource | None = None,
+        initial: Facts | None = None,
+        domain: str = "",
+        run: str = "",
+    ) -> None:
+        if estimator is None and initial is None:
+            raise InputError("an executive that does not look (it has no estimator) must be told the initial facts")
+        self.planner, self.world, self.skills, self.estimator = planner, world, skills, estimator
+        self.settings, self.faults, self.domain, self.name = settings or Settings(), faults, domain, run
+        self.course = Course.of(task, Facts() if estimator or initial is None else initial)
+        self._session = Session(sinks, world, self.settings.seed, lambda: self.course.cycle)
+        self._emit, self.cancel = self._session.emit, self._session.cancel
+
+    def run(self) -> Ended:
+        """Run to the end. Whatever happens, `Ended` is emitted and the sinks are closed.
+
+        Raises:
+            ExecutiveError: a part found the set-up wrong or something missing; the trace ends with `crashed`.
+        """
+        decision, error = self._session.guard(self._live)
+        ended = self.course.ended(decision)
+        self._session.close(ended)
+        if error is not None:
+            raise error
+        return ended
+
+    def _live(self) -> Decision:
+        eye, settings = self.estimator.name if self.estimator else "none", asdict(self.settings)
+        self._session.open(Started(self.name, self.domain, self.course.task, eye, self.settings.seed, settings))
+        decision = self._first_look()
+        while decision.kind is not DecisionKind.STOP:
+            self._session.heed()
+            if decision.kind is DecisionKind.GIVE_UP_GOAL:
+                decision = self._give_up(decision)
+            elif decision.kind is DecisionKind.REPLAN or self.course.plan is None:
+                decision = self._make_plan()
+            elif self.course.todo:
+                decision = self._turn()
+            else:
+                decision = self._finish()
+        return decision
+
+    def _first_look(self) -> Decision:
+        """1. Look at the world; estimate every atom; that is the initial state."""
+        if self.estimator is None:
+            self._emit(Belief.certain(self.course.known.facts))
+            return Decision(DecisionKind.CONTINUE, "told what holds")
+        while True:
+            self._look("first look")
+            course = self.course
+            decision = policy.first(course.task.atoms, course.known.facts, len(course.moment.looks), self.settings)
+            if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
+                return decision
+
+    def _make_plan(self) -> Decision:
+        """2 and 5. Plan from what is believed."""
+        answers: Counter[NoPlanReason] = Counter()
+        while isinstance(plan := self._ask(self.course.goal), NoPlan):
+            self._emit(plan)
+            answers[plan.reason] += 1
+            decision = policy.unplanned(plan, answers[plan.reason], self.estimator is not None)
+            if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
+                self._look("there is no plan")
+            elif decision.kind is not DecisionKind.REPLAN:
+                return decision
+        return self._take_up(plan, self.course.goal)
+
+    def _turn(self) -> Decision:
+        """3 and 4. One step: can it begin, what came of it, and what now?"""
+        if stop := policy.exhausted(self.settings, cycles=self.course.cycle, actions=self.course.actions):
+            return self._decide(stop)
+        self.course = self.course.next_cycle()
+        step = self.course.left[0]
+        if self.estimator and (decision := self._check(step)):
+            return decision
+        self.course = self.course.dispatched()
+        order = Dispatched(step, self.course.actions, self.course.attempt, self.course.todo[0])
+        result = self._session.dispatch(order, self.skills, self.faults)
+        if result.status is SkillStatus.CRASHED:
+            return self._decide(policy.crashed(result))
+        return self._judge(result) if self.estimator else self._assume(result)
+
+    def _check(self, step: Step) -> Decision | None:
+        """The step's preconditions against what is known, with a few looks' patience; None when it can begin."""
+        waits = 0
+        while True:
+            known = self.course.known.facts
+            verdict = self._compare("preconditions", step.preconditions, known)
+            failures = self.course.failed_before(step, known) + 1
+            decision = policy.before(step, verdict, waits, failures, self.settings)
+            if decision is None:
+                return None
+            if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
+                self.course = self.course.failed(step, known, decision)
+                return decision
+            self.course, waits = self.course.waiting(), waits + 1
+            self._look(f"before {step}")
+
+    def _judge(self, result: SkillResult) -> Decision:
+        """What was expected of the step against what is seen of it."""
+        while True:
+            self._look(f"after {result.step}")
+            self._compare("effects", self.course.moment.expected, self.course.moment.settled)
+            turn = self.course.turn(result)
+            decision = self._decide(policy.after(turn, self.settings))
+            if decision.kind is not DecisionKind.LOOK_AGAIN:
+                break
+        self.course = self.course.judged(turn, decision)
+        if turn.verdict.violated:
+            self._emit(Revised(self.course.known.facts, self.course.known.facts.only(turn.verdict.violated)))
+        return decision
+
+    def _assume(self, result: SkillResult) -> Decision:
+        """The blind baseline: nobody looks, so what was expected of the step is believed."""
+        self.course = self.course.assumed()
+        self._emit(Belief.certain(self.course.known.facts))
+        return self._decide(policy.assumed(result))
+
+    def _finish(self) -> Decision:
+        """6. Done means that the goal is seen to hold, in a full look."""
+        if self.estimator is None:
+            return self._decide(policy.finish_blind(self.course.goal))
+        while True:
+            self.course, plan = self.course.trusting_last_look(), None
+            verdict = self._compare("goal", self.course.goal, self.course.moment.last)
+            if verdict.satisfied and self.course.given_up and self.course.known.facts != self.course.given_up_at:
+                plan = self._probe(self.course.task.goal)  # what was given up may have come within reach since
+            looks, given_up = len(self.course.moment.looks), self.course.given_up
+            decision = self._decide(policy.finish(self.course.goal, given_up, verdict, plan, looks, self.settings))
+            if decision.kind is not DecisionKind.LOOK_AGAIN:
+                break
+            self._look("is the goal reached?")
+        return decision if plan is None else self._take_up(plan, self.course.task.goal)
+
+    def _give_up(self, cause: Decision) -> Decision:
+        """Leave out of the goal what cannot be reached, and go for the rest."""
+        kept, plan = policy.largest_reachable(self.course.goal, self._probe, self.settings.max_goal_plans)
+        decision = policy.given_up(cause, self.course.goal, kept, self.course.is_stuck)
+        self._emit(decision)
+        return decision if plan is None else self._take_up(plan, kept)
+
+    def _take_up(self, plan: Plan, goal: Facts) -> Decision:
+        if self.course.plan is not None and (stop := policy.exhausted(self.settings, replans=self.course.replans)):
+            return self._decide(stop)
+        self._emit(plan)
+        self.course = self.course.planned(plan, goal)
+        return Decision(DecisionKind.CONTINUE, f"{len(plan.steps)} steps to go")
+
+    def _ask(self, goal: Facts) -> Plan | NoPlan:
+        with self._session.stage("plan"):
+            return self.planner.plan(self.course.state, goal)
+
+    def _probe(self, goal: Facts) -> Plan | None:
+        """A plan that does not hang on a step which has led nowhere from here."""
+        if self.course.state.entails(goal):
+            return Plan((), 0.0, "", 0.0)
+        plan = self._ask(goal)
+        return None if isinstance(plan, NoPlan) or self.course.leads_nowhere(plan) else plan
+
+    def _look(self, cause: str) -> None:
+        assert self.estimator is not None
+        with self._session.stage("observe"):
+            observation = self.world.observe(cause)
+        self._emit(observation)
+        with self._session.stage("estimate"):
+            belief = self.estimator.estimate(observation, self.course.task.atoms)
+        self._emit(belief)
+        seen = belief.facts(self.settings.low, self.settings.high).only(self.course.task.atoms)
+        self.course = self.course.looked(seen, observation.id)
+
+    def _compare(self, what: str, expected: Facts, seen: Facts) -> Verdict:
+        verdict = compare(expected, seen)
+        self._emit(Compared(what, expected, verdict, self.course.moment.observation_id))
+        return verdict
+
+    def _decide(self, decision: Decision) -> Decision:
+        """Emit it, unless it is still open which goals it costs."""
+        if decision.kind is not DecisionKind.GIVE_UP_GOAL:
+            self._emit(decision)
+        return decision

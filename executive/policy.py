@@ -1,0 +1,308 @@
+"""What to do next, and why: pure functions from what was seen, what the skill says and the budget to one Decision.
+
+Each function answers at one moment of a turn of the loop. The order of the questions inside it is the policy, so they
+are to be read from top to bottom. Nothing is remembered here; every count comes in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from itertools import combinations, islice
+
+from executive.types import (
+    Atom,
+    Decision,
+    DecisionKind,
+    Facts,
+    NoPlan,
+    NoPlanReason,
+    OutcomeKind,
+    Plan,
+    SkillResult,
+    SkillStatus,
+    Step,
+    Verdict,
+)
+
+_CHANCE = frozenset({SkillStatus.DONE, SkillStatus.GRASP_MISSED, SkillStatus.DROPPED})
+"""Ways to end after which the same step may well succeed; the others will most likely end the same way again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """A run's seed, its thresholds, and how much patience it has.
+
+    `low` and `high` are the thresholds of `Belief.truth` (both 0.5 is the paper's setting). "Again" and "wait" count
+    looks beyond the first one after an action; `max_retries` counts tries beyond the first one of a step.
+    """
+
+    seed: int = 0
+    low: float = 0.5
+    high: float = 0.5
+    max_cycles: int = 200
+    max_actions: int = 100
+    max_replans: int = 50
+    max_retries: int = 2
+    max_failures: int = 10
+    """How often one step may fail from the same known facts before that counts as going in circles; where trying
+    again cannot help much (no path, unreachable, not there), two more than `max_retries` are enough."""
+    max_looks_again: int = 2
+    precondition_wait: int = 2
+    max_goal_plans: int = 64
+    """How often the planner may be asked to find out which part of the goal can be reached."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.low <= self.high <= 1.0:
+            raise ValueError(f"thresholds must satisfy 0 <= low <= high <= 1, got low {self.low}, high {self.high}")
+        for name in self.__dataclass_fields__:
+            if name not in ("low", "high") and getattr(self, name) < 0:
+                raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
+
+    def tolerated(self, status: SkillStatus) -> int:
+        """How many failures of one step from the same known facts are too many."""
+        return self.max_failures if status in _CHANCE else min(self.max_failures, self.max_retries + 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """What is known once a step was carried out and looked at.
+
+    `verdict` holds what was seen against everything that was expected. `doubts` are the atoms that the rest of the
+    plan or the goal hangs on and that no look could tell, each with the number of cycles since it was last seen (None:
+    never). `planned` steps were to follow; `rest` are the positions of those that are still to be done from what is
+    known, or None when they no longer reach the goal. `repeatable`: they would, if the step were done once more.
+    `looks` counts those since the action, `attempt` this step's tries in a row, `failures` how often it has failed
+    from the same known facts, this time included.
+    """
+
+    step: Step
+    result: SkillResult
+    expected: Facts
+    verdict: Verdict
+    doubts: Mapping[Atom, int | None]
+    planned: int
+    rest: tuple[int, ...] | None
+    repeatable: bool
+    looks: int
+    attempt: int
+    failures: int
+
+
+def first(atoms: Collection[Atom], known: Facts, looks: int, settings: Settings) -> Decision:
+    """After a look that opens the run: is there something to plan from?"""
+    unknown = tuple(atom for atom in atoms if atom not in known)
+    if unknown and looks <= settings.max_looks_again:
+        return Decision(DecisionKind.LOOK_AGAIN, f"cannot tell {_listed(unknown)}", unknown)
+    if unknown and not known:
+        return _stop(OutcomeKind.GAVE_UP, f"nothing can be seen: {_looks(looks)} told no atom", unknown)
+    if unknown:
+        return Decision(DecisionKind.CONTINUE, f"cannot tell {_listed(unknown)}: planned from as false", unknown)
+    return Decision(DecisionKind.CONTINUE, "every atom is known")
+
+
+def before(step: Step, verdict: Verdict, waits: int, failures: int, settings: Settings) -> Decision | None:
+    """Before a step: `verdict` holds its preconditions against what is known; `waits` looks were taken to see them
+    come true, `failures` times (this one included) the step could not begin from the same known facts."""
+    # Unknown is never true; in the state that was planned from it is false.
+    unmet = tuple(sorted(verdict.violated | {atom for atom in verdict.unknown if step.preconditions[atom]}))
+    if not unmet:
+        return None
+    reason = f"{step} cannot begin: {_unmet(unmet, step.preconditions, verdict)}"
+    if waits < settings.precondition_wait:
+        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; waiting (look {waits + 1})", unmet)
+    return _fail(reason, unmet, failures, settings.tolerated(SkillStatus.NOT_THERE))
+
+
+def after(turn: Turn, settings: Settings) -> Decision:
+    """After a step was carried out and looked at: go on, look once more, try once more, plan anew, give up or stop?"""
+    step, result, verdict = turn.step, turn.result, turn.verdict
+    may_look = turn.looks <= settings.max_looks_again
+    if turn.doubts and may_look:
+        return Decision(DecisionKind.LOOK_AGAIN, f"cannot tell {_aged(turn.doubts)}", tuple(turn.doubts))
+    if verdict.unknown and not verdict.holds and not verdict.violated:
+        reason = f"nothing can be seen any more: {_looks(turn.looks)} after {step} told no atom"
+        return _stop(OutcomeKind.GAVE_UP, reason, tuple(sorted(verdict.unknown)))
+
+    surprise, evidence = _surprise(verdict, turn.expected), tuple(sorted(verdict.violated))
+    doubt = f"cannot tell {_aged(turn.doubts)}" if turn.doubts else ""
+    reported = "" if result.done else _report(result)
+    broken, as_planned = turn.rest is None, turn.rest == tuple(range(turn.planned))
+    # One look is enough where skill and eye agree: both say that it worked, or both say that it did not.
+    agreed = as_planned if result.done else broken
+    if not agreed and may_look and turn.looks == 1:
+        reason = _joined(reported, surprise or f"yet what {step} was for is seen")
+        return Decision(DecisionKind.LOOK_AGAIN, reason, evidence)
+    if turn.rest is not None:
+        skipped = turn.planned - len(turn.rest)
+        onward = f"{skipped} of {turn.planned} steps no longer needed" if skipped else "the plan still reaches the goal"
+        news = _joined(reported, surprise, doubt)
+        reason = _joined(news, onward) if news or skipped else "as expected"
+        return Decision(DecisionKind.CONTINUE, reason, evidence or tuple(step.effects))
+    reason = _joined(reported or f"{step} did not come out", surprise, doubt)
+    evidence = evidence or tuple(turn.doubts)
+    tolerated = settings.tolerated(result.status)
+    if turn.failures < tolerated and turn.repeatable and turn.attempt <= settings.max_retries:
+        again = f"trying again ({turn.attempt + 1} of {settings.max_retries + 1})"
+        return Decision(DecisionKind.RETRY, _joined(reason, again), evidence)
+    return _fail(reason, evidence, turn.failures, tolerated)
+
+
+def assumed(result: SkillResult) -> Decision:
+    """After a step of an executive that does not look: its effects are assumed, whatever its skill says."""
+    said = f"{result.step} is done" if result.done else _report(result)
+    return Decision(DecisionKind.CONTINUE, f"{said}; nobody looks, its effects are assumed", tuple(result.step.effects))
+
+
+def crashed(result: SkillResult) -> Decision:
+    """A skill that raises is a bug, not a failure of the task."""
+    return _stop(OutcomeKind.CRASHED, f"the skill for {result.step} crashed: {result.reason}")
+
+
+def unplanned(no_plan: NoPlan, times: int, may_look: bool) -> Decision:
+    """The planner has no plan, for the `times`-th time in a row for this reason."""
+    detail = f": {no_plan.detail}" if no_plan.detail else ""
+    reason = f"the planner answers {no_plan.reason}{detail}"
+    if no_plan.reason is not NoPlanReason.UNSOLVABLE:
+        if times == 1:
+            return Decision(DecisionKind.REPLAN, f"{reason}; asking once more")
+        return _stop(OutcomeKind.NO_PLAN, f"{reason}, {times} times")
+    if times == 1 and may_look:
+        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; looking again, as what is believed may be wrong")
+    return Decision(DecisionKind.GIVE_UP_GOAL, reason)
+
+
+def given_up(cause: Decision, goal: Facts, kept: Facts, is_stuck: bool) -> Decision:
+    """`cause` calls for giving up goals, and `kept` is what of `goal` can be reached. `is_stuck`: there are plans, but
+    they hang on a step that fails again and again."""
+    dropped = goal.without(kept)
+    if not kept:
+        reason = f"{cause.reason}; there is no other part of the goal to go for"
+        outcome = OutcomeKind.GAVE_UP if is_stuck else OutcomeKind.NO_PLAN
+        return _stop(outcome, reason, cause.evidence or tuple(goal))
+    if not dropped:
+        return Decision(DecisionKind.REPLAN, f"{cause.reason}; yet there is a plan for the whole goal", cause.evidence)
+    reason = f"{cause.reason}; giving up {_literals(dropped)}, going for {_literals(kept)}"
+    return Decision(DecisionKind.GIVE_UP_GOAL, reason, tuple(dropped))
+
+
+def finish(
+    goal: Facts, verdict: Verdict, looks: int, dropped: Facts, why: str, plan: Plan | None, settings: Settings
+) -> Decision:
+    """Nothing is left to do: `verdict` holds the goal against the last look alone, for only seeing it is success.
+    `dropped` was given up, and `why`; `plan` reaches the whole goal after all."""
+    if verdict.satisfied and not dropped:
+        return _stop(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", tuple(goal))
+    if verdict.satisfied and plan is None:
+        reason = f"what was left of the goal is seen to hold; {_literals(dropped)} was given up: {why}"
+        return _stop(OutcomeKind.PARTIAL, reason, tuple(dropped))
+    if verdict.satisfied:
+        reason = f"what was left of the goal is seen to hold; there is a plan for {_literals(dropped)} now"
+        return Decision(DecisionKind.REPLAN, reason, tuple(dropped))
+    wrong, unknown = tuple(sorted(verdict.violated)), tuple(sorted(verdict.unknown))
+    missing = _joined(
+        f"not seen as the goal has it: {_listed(wrong)}" if wrong else "",
+        f"cannot tell {_listed(unknown)}" if unknown else "",
+    )
+    if looks <= settings.max_looks_again:
+        return Decision(DecisionKind.LOOK_AGAIN, f"nothing is left to do, but {missing}", wrong + unknown)
+    if wrong:
+        return Decision(DecisionKind.REPLAN, f"nothing is left to do, but {missing}", wrong)
+    outcome = OutcomeKind.PARTIAL if verdict.holds else OutcomeKind.GAVE_UP
+    return _stop(outcome, f"the goal is believed to hold, but {missing} in {_looks(looks)}", unknown)
+
+
+def finish_blind(goal: Facts) -> Decision:
+    """Nothing is left to do for an executive that does not look: it believes what it assumed."""
+    return _stop(OutcomeKind.GOAL_REACHED, "the plan is carried out; nobody looked whether the goal holds", tuple(goal))
+
+
+def exhausted(settings: Settings, *, cycles: int = 0, actions: int = 0, replans: int = 0) -> Decision | None:
+    """Whether taking one more of these would exceed the budget."""
+    budget = (("cycles", cycles, settings.max_cycles), ("actions", actions, settings.max_actions))
+    for what, used, limit in (*budget, ("replans", replans, settings.max_replans)):
+        if used >= limit:
+            return _stop(OutcomeKind.GAVE_UP, f"the budget of {limit} {what} is used up")
+    return None
+
+
+def largest_reachable(
+    goal: Facts, plan_for: Callable[[Facts], Plan | None], max_plans: int
+) -> tuple[Facts, Plan | None]:
+    """The largest part of `goal` for which there is a plan, and the plan; no facts and None when there is no such part.
+
+    What cannot be reached alone cannot be reached with more, so each literal is tried alone, then all that have a plan
+    together, then one fewer, and so on. After `max_plans` of these combinations the part is grown one literal at a
+    time instead, which ends with a part that nothing can be added to but perhaps not with the largest.
+    """
+    alone = {atom: plan for atom in goal if (plan := plan_for(goal.only([atom]))) is not None}
+    together = (atoms for size in range(len(alone), 1, -1) for atoms in combinations(alone, size))
+    for atoms in islice(together, max_plans):
+        if (plan := plan_for(goal.only(atoms))) is not None:
+            return goal.only(atoms), plan
+    kept: tuple[Atom, ...] = ()
+    best: Plan | None = None
+    for atom in alone:
+        if (plan := plan_for(goal.only((*kept, atom))) if kept else alone[atom]) is not None:
+            kept, best = (*kept, atom), plan
+    return goal.only(kept), best
+
+
+def _stop(outcome: OutcomeKind, reason: str, evidence: tuple[Atom, ...] = ()) -> Decision:
+    return Decision(DecisionKind.STOP, reason, evidence, outcome)
+
+
+def _fail(reason: str, evidence: tuple[Atom, ...], failures: int, tolerated: int) -> Decision:
+    """Plan anew, unless that has led here too often."""
+    if failures < tolerated:
+        return Decision(DecisionKind.REPLAN, reason, evidence)
+    times = "for the first time" if failures == 1 else f"{failures} times"
+    return Decision(DecisionKind.GIVE_UP_GOAL, f"{reason}; it came to this {times} from the same known facts", evidence)
+
+
+def _surprise(verdict: Verdict, expected: Facts) -> str:
+    missing = sorted(atom for atom in verdict.violated if expected[atom])
+    instead = sorted(atom for atom in verdict.violated if not expected[atom])
+    if missing:
+        seen = f"; seen instead: {_listed(instead)}" if instead else ""
+        return f"{_listed(missing)} not seen as expected{seen}"
+    return f"{_listed(instead)} seen, which was not expected" if instead else ""
+
+
+def _unmet(atoms: Collection[Atom], wanted: Facts, verdict: Verdict) -> str:
+    def unmet(atom: Atom) -> str:
+        if atom in verdict.unknown:
+            return f"{atom} was never seen"
+        return f"{atom} does not hold" if wanted[atom] else f"{atom} holds"
+
+    return _listed([unmet(atom) for atom in atoms])
+
+
+def _report(result: SkillResult) -> str:
+    saved = result.planned_seconds - result.seconds
+    early = f" ({saved:.1f} s early)" if saved >= 0.05 else ""
+    return f"{result.step} reports {result.status}{f': {result.reason}' if result.reason else ''}{early}"
+
+
+def _aged(doubts: Mapping[Atom, int | None]) -> str:
+    def aged(atom: Atom, age: int | None) -> str:
+        return f"{atom} (never seen)" if age is None else f"{atom} (last seen {age} cycle{'s' * (age != 1)} ago)"
+
+    return _listed([aged(atom, age) for atom, age in doubts.items()])
+
+
+def _listed(things: Collection[object], most: int = 4) -> str:
+    shown = ", ".join(str(thing) for thing in list(things)[:most])
+    return f"{shown} and {len(things) - most} more" if len(things) > most else shown
+
+
+def _literals(facts: Facts) -> str:
+    return _listed(facts.literals())
+
+
+def _joined(*parts: str) -> str:
+    return "; ".join(part for part in parts if part)
+
+
+def _looks(count: int) -> str:
+    return "one look" if count == 1 else f"{count} looks"

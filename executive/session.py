@@ -1,0 +1,170 @@
+"""What surrounds a run: events go out to sinks, exceptions are caught and named, steps are handed to their skills.
+
+Nothing here decides anything; the loop does.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from executive.errors import ExecutiveError
+from executive.protocols import FaultSource, Sink, Skill, SkillContext, World
+from executive.types import (
+    Decision,
+    DecisionKind,
+    Dispatched,
+    Event,
+    Motion,
+    OutcomeKind,
+    Payload,
+    Phase,
+    SkillResult,
+    SkillStatus,
+    Timing,
+)
+
+log = logging.getLogger(__name__)
+
+
+class Session:
+    """One run's way out to the sinks and its guard against what its parts may do.
+
+    A sink that raises is dropped with a warning and still closed at the end. Ctrl-C that strikes inside a sink counts
+    as `cancel`, so that the other sinks get the event all the same.
+    """
+
+    def __init__(self, sinks: Sequence[Sink], world: World, seed: int, cycle: Callable[[], int]) -> None:
+        self._sinks, self._listening, self._world, self._seed, self._cycle = (
+            tuple(sinks),
+            list(sinks),
+            world,
+            seed,
+            cycle,
+        )
+        self._start, self._time, self._delivering = time.monotonic(), 0.0, 0.0
+        self._cancelled, self._stage = False, "start"
+
+    def cancel(self) -> None:
+        """Have the skill at work stop, and `heed` end the run. A flag: safe from any thread and signal handler."""
+        self._cancelled = True
+
+    def heed(self) -> None:
+        """The place to stop at when cancelled.
+
+        Raises:
+            KeyboardInterrupt: cancelled.
+        """
+        if self._cancelled:
+            raise KeyboardInterrupt
+
+    def open(self, first: Payload) -> None:
+        """Deliver the first event, show what the world looks like, and have its movements told from here on."""
+        self.emit(first)
+        self.emit(self._world.scenery())
+        self._world.watch(self.emit)
+
+    def emit(self, payload: Payload) -> None:
+        """Deliver an event to every sink, stamped with the cycle and both clocks."""
+        try:
+            self._time = self._world.time
+        finally:  # a world that is gone takes no event with it
+            self._deliver(payload)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Heed, then measure what happens inside as one stage of the loop, without what sinks take of the time."""
+        self.heed()
+        self._stage = name
+        start, delivering = time.monotonic(), self._delivering
+        yield
+        self.emit(Timing(name, time.monotonic() - start - (self._delivering - delivering)))
+        self._stage = "decide"
+
+    def guard(self, live: Callable[[], Decision]) -> tuple[Decision, BaseException | None]:
+        """Call `live` and return its last decision; whatever it raises becomes one. Beside it stands what is to be
+        raised again once the trace is whole: an error of the set-up, or an order to exit. The traceback of anything
+        else but Ctrl-C is logged."""
+        try:
+            return live(), None
+        except KeyboardInterrupt:
+            return _stop(OutcomeKind.INTERRUPTED, "interrupted"), None
+        except ExecutiveError as error:
+            return _stop(OutcomeKind.CRASHED, f"{self._stage}: {error}"), error
+        except Exception as error:
+            log.exception("the run crashed in stage %r", self._stage)
+            at = traceback.extract_tb(error.__traceback__)[-1]
+            told = f"{self._stage}: {type(error).__name__}: {error} (in {at.name}, line {at.lineno})"
+            return _stop(OutcomeKind.CRASHED, told), None
+        except BaseException as order:
+            return _stop(OutcomeKind.INTERRUPTED, f"{self._stage}: {type(order).__name__}"), order
+
+    def dispatch(self, order: Dispatched, skills: Mapping[str, Skill], faults: FaultSource | None) -> SkillResult:
+        """Hand a step to its skill. One that raises has crashed; its traceback is logged.
+
+        The skill's chance is drawn from the run's seed and the action's number alone.
+        """
+        step, action = order.step, order.action
+        self.emit(order)
+        if faults:
+            faults.before_action(action, step, self.emit)
+
+        def announce(news: Phase | Motion) -> None:
+            self.emit(news)
+            if faults and isinstance(news, Phase):
+                faults.on_phase(action, step, news, self.emit)
+
+        chance = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(action,)))
+        context = SkillContext(self._world.handle, chance, announce, lambda: self._cancelled)
+        result = SkillResult(step, SkillStatus.CANCELLED, "interrupted")
+        try:
+            with self.stage("skill"):
+                result = skills[step.action](step, context)
+        except ExecutiveError:
+            raise  # the set-up's fault, not the skill's
+        except Exception as error:
+            log.exception("the skill for %s raised", step)
+            result = SkillResult(step, SkillStatus.CRASHED, f"{type(error).__name__}: {error}")
+        finally:
+            self.emit(result)
+        self.heed()
+        if faults:
+            faults.after_action(action, step, self.emit)
+        return result
+
+    def close(self, last: Payload) -> None:
+        """Deliver the last event, stamped with the time of the one before it, and close all sinks."""
+        try:
+            self._world.watch(None)
+        except Exception:
+            log.warning("the world could not be told that nobody watches any more", exc_info=True)
+        self._deliver(last)
+        for sink in self._sinks:
+            self._guarded(sink, sink.close)
+
+    def _deliver(self, payload: Payload) -> None:
+        start = time.monotonic()
+        event = Event(self._cycle(), self._time, start - self._start, payload)
+        for sink in tuple(self._listening):
+            if not self._guarded(sink, sink.write, event):
+                self._listening.remove(sink)
+        self._delivering += time.monotonic() - start
+
+    def _guarded(self, sink: Sink, call: Callable[..., None], *arguments: Event) -> bool:
+        try:
+            call(*arguments)
+        except KeyboardInterrupt:
+            self.cancel()
+        except Exception:
+            log.warning("%s failed and gets no more events", type(sink).__name__, exc_info=True)
+            return False
+        return True
+
+
+def _stop(outcome: OutcomeKind, reason: str) -> Decision:
+    return Decision(DecisionKind.STOP, reason, outcome=outcome)

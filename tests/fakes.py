@@ -1,0 +1,411 @@
+"""A symbolic world with everything around it: things in places, one hand, and whatever can go wrong.
+
+The smallest domain that still picks, carries and drops, so that a whole run takes milliseconds: atoms `at(thing,place)`,
+`held(thing)`, `free()`, actions `pick(thing,place)` and `place(thing,place)`. No part of it knows the executive's mind:
+the world moves on its own clock, the estimator sees an observation, the skills drive the world.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+
+from executive.errors import InputError, nearest
+from executive.loop import Executive
+from executive.policy import Settings
+from executive.protocols import FaultSource, SkillContext
+from executive.types import (
+    Atom,
+    Belief,
+    Ended,
+    Event,
+    Facts,
+    Frame,
+    NoPlan,
+    NoPlanReason,
+    Observation,
+    Phase,
+    Plan,
+    Scenery,
+    SkillResult,
+    SkillStatus,
+    Step,
+    Task,
+)
+
+FREE = Atom("free")
+_T = TypeVar("_T")
+FLOOR = "floor"
+"""Where a thing can be, but out of the hand's reach and of every atom."""
+
+
+def at(thing: str, place: str) -> Atom:
+    return Atom("at", (thing, place))
+
+
+def held(thing: str) -> Atom:
+    return Atom("held", (thing,))
+
+
+def pick(thing: str, place: str) -> Step:
+    return Step(
+        "pick",
+        (thing, place),
+        Facts({at(thing, place): True, FREE: True}),
+        Facts({held(thing): True, at(thing, place): False, FREE: False}),
+    )
+
+
+def put(thing: str, place: str) -> Step:
+    return Step(
+        "place",
+        (thing, place),
+        Facts({held(thing): True}),
+        Facts({at(thing, place): True, FREE: True, held(thing): False}),
+    )
+
+
+def task(things: Sequence[str], places: Sequence[str], goal: Facts) -> Task:
+    atoms = [*(at(thing, place) for thing in things for place in places), *map(held, things), FREE]
+    kinds = {**dict.fromkeys(things, "thing"), **dict.fromkeys(places, "place")}
+    return Task("things", "fake", kinds, tuple(sorted(atoms)), goal)
+
+
+def steps_of(some: Task) -> list[Step]:
+    """Every grounded step of a task of this domain."""
+    things = [name for name, kind in some.objects.items() if kind == "thing"]
+    places = [name for name, kind in some.objects.items() if kind == "place"]
+    return [make(thing, place) for make in (pick, put) for thing in things for place in places]
+
+
+class FakePlanner:
+    """Breadth-first search over grounded steps.
+
+    `answers` are given first: a `NoPlan` or plan to return, an exception to raise, or None to search after all.
+    `asked` keeps every state and goal that a plan was asked for.
+    """
+
+    def __init__(
+        self, steps: Sequence[Step], answers: Iterable[Plan | NoPlan | Exception | None] = (), most: int = 5000
+    ) -> None:
+        self._steps, self._answers, self._most = tuple(steps), deque(answers), most
+        self.asked: list[tuple[Facts, Facts]] = []
+
+    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+        self.asked.append((state, goal))
+        answer = self._answers.popleft() if self._answers else None
+        if isinstance(answer, Exception):
+            raise answer
+        return answer or self._search(state, goal)
+
+    def _search(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+        start = state.true
+        reached: dict[frozenset[Atom], tuple[Step, ...]] = {start: ()}
+        queue = deque([start])
+        while queue:
+            here = queue.popleft()
+            if all((atom in here) is value for atom, value in goal.items()):
+                steps = reached[here]
+                return Plan(steps, float(len(steps)), "breadth-first", 0.0)
+            for step in self._steps:
+                if all((atom in here) is value for atom, value in step.preconditions.items()):
+                    there = (here - step.effects.false) | step.effects.true
+                    if there not in reached:
+                        reached[there] = (*reached[here], step)
+                        queue.append(there)
+            if len(reached) > self._most:
+                return NoPlan(NoPlanReason.TIMED_OUT, f"more than {self._most} states", "breadth-first")
+        return NoPlan(NoPlanReason.UNSOLVABLE, "", "breadth-first")
+
+
+class FakeWorld:
+    """Where each thing is (`where`: a place, "hand" or the floor), and a clock that moves when a skill lets it."""
+
+    def __init__(self, where: Mapping[str, str], places: Sequence[str]) -> None:
+        self.where, self.places = dict(where), tuple(places)
+        self.now = 0.0
+        self.missing = False  # the next grasp closes beside its thing
+        self.past: dict[int, dict[str, str]] = {}  # what each observation could have shown
+        self._scheduled: list[tuple[float, Callable[[], None]]] = []
+        self._listener: Callable[[Frame], None] | None = None
+
+    @property
+    def time(self) -> float:
+        return self.now
+
+    @property
+    def handle(self) -> Any:
+        return self
+
+    @property
+    def held(self) -> str | None:
+        return next((thing for thing, place in sorted(self.where.items()) if place == "hand"), None)
+
+    def observe(self, cause: str = "") -> Observation:
+        number = len(self.past)
+        self.past[number] = dict(self.where)
+        return Observation(number, self.now, {}, np.zeros(1), cause)
+
+    def snapshot(self) -> bytes:
+        return json.dumps([self.where, self.now, self.missing]).encode()
+
+    def restore(self, snapshot: bytes) -> None:
+        self.where, self.now, self.missing = json.loads(snapshot)
+        self._scheduled.clear()
+
+    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
+        if kind == "miss":
+            self.missing = True
+            return "the next grasp goes beside"
+        if kind == "drop":
+            dropped = self.held
+            return "nothing is held" if dropped is None else self._move(dropped, str(rng.choice(self.places)))
+        if kind == "shove":
+            thing = arguments.get("item") or str(rng.choice(sorted(self.where)))
+            if thing not in self.where:
+                raise InputError(f"no thing {thing!r} to shove; {nearest(thing, self.where)}")
+            return self._move(thing, str(rng.choice([place for place in self.places if place != self.where[thing]])))
+        raise InputError(f"this world cannot be disturbed by {kind!r}; {nearest(kind, ('drop', 'miss', 'shove'))}")
+
+    def schedule(self, delay: float, action: Callable[[], None]) -> None:
+        self._scheduled.append((self.now + delay, action))
+        self._scheduled.sort(key=lambda entry: entry[0])
+
+    def scenery(self) -> Scenery:
+        return Scenery()
+
+    def watch(self, listener: Callable[[Frame], None] | None) -> None:
+        self._listener = listener
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass, with all that is scheduled for it."""
+        until = self.now + seconds
+        while self._scheduled and self._scheduled[0][0] <= until:
+            self.now, action = self._scheduled.pop(0)
+            action()
+        self.now = until
+        if self._listener is not None:
+            self._listener(Frame({}, np.zeros(1), 0.0))
+
+    def truth(self, atoms: Iterable[Atom], observation: int | None = None) -> Facts:
+        """What holds now, or held when an observation was made."""
+        where = self.where if observation is None else self.past[observation]
+        true = {FREE} if "hand" not in where.values() else set()
+        for thing, place in where.items():
+            true.add(held(thing) if place == "hand" else at(thing, place))
+        return Facts({atom: atom in true for atom in atoms})
+
+    def _move(self, thing: str, place: str) -> str:
+        self.where[thing] = place
+        return f"{thing} went to {place}"
+
+
+class FakeSkill:
+    """Picks or places, through its phases; the outcome is what the world makes of it.
+
+    `script` maps an action's number to what happens in it instead:
+        "fail" or a `SkillStatus` word     reports that status and does nothing
+        "lie"                             does nothing and reports that it is done
+        "humble"                          does it and reports a missed grasp
+        "land PLACE"                      the thing lands there and is reported as dropped (early)
+        "land quietly PLACE"              the thing lands there, reported as done
+        "hang"                            goes on until it is cancelled
+        "raise", "interrupt", "nonsense"  raises RuntimeError or KeyboardInterrupt, returns no result
+    An entry may be a callable instead, which is called with the world before the skill goes about its usual work.
+    """
+
+    def __init__(self, script: Mapping[int, str | Callable[[FakeWorld], None]] | None = None, *, patience: int = 10**6):
+        self.script, self.count, self._patience = dict(script or {}), 0, patience
+        self.chance: list[float] = []
+
+    def __call__(self, step: Step, context: SkillContext) -> SkillResult:
+        self.count += 1
+        self.chance.append(float(context.rng.random()))
+        world: FakeWorld = context.handle
+        said = self.script.get(self.count, "")
+        if callable(said):
+            said(world)
+            said = ""
+        word, _, rest = said.partition(" ")
+        match word:
+            case "raise":
+                raise RuntimeError("a bug in the skill")
+            case "interrupt":
+                raise KeyboardInterrupt
+            case "nonsense":
+                return None  # type: ignore[return-value]
+            case "lie":
+                return self._end(step, SkillStatus.DONE, world, world.now)
+            case "hang":
+                return self._hang(step, context, world)
+            case "fail":
+                return self._end(step, SkillStatus.NO_PATH, world, world.now, "no motion was found")
+            case "land":
+                return self._land(step, context, world, rest)
+            case "" | "humble":
+                result = self._work(step, context, world)
+                return SkillResult(step, SkillStatus.GRASP_MISSED, "felt nothing") if word else result
+        return self._end(step, SkillStatus(said), world, world.now)
+
+    def _work(self, step: Step, context: SkillContext, world: FakeWorld) -> SkillResult:
+        thing, place = step.args
+        start = world.now
+        if step.action == "pick":
+            if world.where[thing] != place:
+                return self._end(step, SkillStatus.NOT_THERE, world, start, f"{thing} is not at {place}")
+            if world.held is not None:
+                return self._end(step, SkillStatus.UNREACHABLE, world, start, "the hand is full")
+            self._phase("approach", 2.0, context, world)
+            missed, world.missing = world.missing, False
+            self._phase("grip", 0.5, context, world)
+            if missed:
+                return self._end(step, SkillStatus.GRASP_MISSED, world, start)
+            world.where[thing] = "hand"
+        elif world.held != thing:
+            return self._end(step, SkillStatus.NOT_THERE, world, start, f"{thing} is not in the hand")
+        if not self._phase("transfer", 3.0, context, world, thing):
+            return self._end(step, SkillStatus.DROPPED, world, start, planned=world.now - start + 2.0)
+        if step.action == "place":
+            self._phase("lower", 1.0, context, world)
+            world.where[thing] = place
+            self._phase("release", 0.5, context, world)
+        return self._end(step, SkillStatus.DONE, world, start)
+
+    def _phase(
+        self, name: str, seconds: float, context: SkillContext, world: FakeWorld, carried: str | None = None
+    ) -> bool:
+        """Whether what is carried, if anything, is still in the hand at the end of every tenth of the phase."""
+        context.announce(Phase(name, seconds=seconds))
+        for _ in range(10):
+            world.advance(seconds / 10)
+            if carried is not None and world.held != carried:
+                return False
+        return True
+
+    def _hang(self, step: Step, context: SkillContext, world: FakeWorld) -> SkillResult:
+        start = world.now
+        for _ in range(self._patience):
+            if context.cancelled():
+                return self._end(step, SkillStatus.CANCELLED, world, start)
+            world.advance(0.1)
+        raise AssertionError("nobody cancelled a skill that hangs")
+
+    def _land(self, step: Step, context: SkillContext, world: FakeWorld, rest: str) -> SkillResult:
+        start, thing = world.now, step.args[0]
+        self._phase("transfer", 3.0, context, world)
+        world.where[thing] = rest.removeprefix("quietly ")
+        if rest.startswith("quietly "):
+            return self._end(step, SkillStatus.DONE, world, start)
+        return self._end(step, SkillStatus.DROPPED, world, start, planned=world.now - start + 4.0)
+
+    @staticmethod
+    def _end(
+        step: Step, status: SkillStatus, world: FakeWorld, start: float, reason: str = "", planned: float | None = None
+    ) -> SkillResult:
+        seconds = world.now - start
+        return SkillResult(step, status, reason, seconds, seconds if planned is None else planned)
+
+
+Answer = float | None
+"""A probability, or None for no answer."""
+
+
+class ScriptedEstimator:
+    """Sees what is true, unless the script has it otherwise.
+
+    `looks` maps the number of a look (from 1) to what it answers instead, `always` holds for every look, and `scripted`
+    is called for the rest: (number, atom, truth) -> answer.
+    """
+
+    def __init__(
+        self,
+        world: FakeWorld,
+        looks: Mapping[int, Mapping[Atom, Answer]] | None = None,
+        always: Mapping[Atom, Answer] | None = None,
+        scripted: Callable[[int, Atom, bool], Answer] | None = None,
+    ) -> None:
+        self._world, self._looks, self._always, self._scripted = world, dict(looks or {}), dict(always or {}), scripted
+        self.count = 0
+
+    @property
+    def name(self) -> str:
+        return "scripted"
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        self.count += 1
+        answers: dict[Atom, Answer] = {}
+        for atom, truth in self._world.truth(atoms, observation.id).items():
+            answers[atom] = self._scripted(self.count, atom, truth) if self._scripted else float(truth)
+        for override in (self._always, self._looks.get(self.count, {})):
+            answers.update({atom: answer for atom, answer in override.items() if atom in answers})
+        known = {atom: answer for atom, answer in answers.items() if answer is not None}
+        return Belief(observation.id, known, frozenset(answers) - frozenset(known), self.name)
+
+
+@dataclass
+class Recorder:
+    """A sink that keeps everything."""
+
+    events: list[Event] = field(default_factory=list)
+    closed: int = 0
+
+    def write(self, event: Event) -> None:
+        self.events.append(event)
+
+    def close(self) -> None:
+        self.closed += 1
+
+    def of(self, kind: type[_T]) -> list[_T]:
+        """The payloads of one type, in order."""
+        return [event.payload for event in self.events if isinstance(event.payload, kind)]
+
+
+@dataclass
+class Stage:
+    """Everything for one run, to be changed at will before it is played."""
+
+    goal: Facts
+    where: dict[str, str]
+    places: tuple[str, ...] = ("p", "q", "r")
+    script: Mapping[int, str | Callable[[FakeWorld], None]] = field(default_factory=dict)
+    looks: Mapping[int, Mapping[Atom, Answer]] = field(default_factory=dict)
+    always: Mapping[Atom, Answer] = field(default_factory=dict)
+    settings: Settings = field(default_factory=Settings)
+    blind: bool = False
+
+    def __post_init__(self) -> None:
+        self.task = task(sorted(self.where), self.places, self.goal)
+        self.world = FakeWorld(self.where, self.places)
+        self.planner = FakePlanner(steps_of(self.task))
+        self.skill = FakeSkill(self.script)
+        self.estimator = ScriptedEstimator(self.world, self.looks, self.always)
+        self.recorder = Recorder()
+        self.faults: FaultSource | None = None
+
+    def executive(self) -> Executive:
+        return Executive(
+            self.task,
+            self.planner,
+            self.world,
+            {"pick": self.skill, "place": self.skill},
+            None if self.blind else self.estimator,
+            [self.recorder],
+            self.settings,
+            self.faults,
+            initial=self.world.truth(self.task.atoms) if self.blind else None,
+            domain="things",
+            run="fake",
+        )
+
+    def play(self) -> Ended:
+        return self.executive().run()
+
+    @property
+    def goal_true(self) -> bool:
+        """The scorer's verdict."""
+        return self.world.truth(self.task.atoms).entails(self.goal)
