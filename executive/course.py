@@ -22,8 +22,8 @@ class Course:
     `goal` is what is still gone for: the task's goal without what was given up. `todo` are the positions of the plan's
     steps that are left, `attempt` counts the tries at the first of them. `moment` are the looks since the last action.
     `failures` counts how often a step failed from the same known facts; `stuck` are the steps that were given up on,
-    and what was known then. A *cycle* is a turn of the loop, an *action* a dispatched step, a *replan* a plan that was
-    taken up after the first.
+    and what was known then; `given_up_at` and `given_up_why` say the same of goals. A *cycle* is a turn of the loop, an
+    *action* a dispatched step, a *replan* a plan that was taken up after the first.
     """
 
     task: Task
@@ -40,6 +40,7 @@ class Course:
     failures: Mapping[tuple[Step, Facts], int] = field(default_factory=lambda: MappingProxyType({}))
     stuck: Mapping[Step, Facts] = field(default_factory=lambda: MappingProxyType({}))
     given_up_at: Facts | None = None
+    given_up_why: str = ""
 
     @classmethod
     def of(cls, task: Task, told: Facts) -> Course:
@@ -93,12 +94,14 @@ class Course:
         goal = self.task.goal if self.moment.last.entails(self.task.goal) else self.goal
         return replace(self, known=self.known.updated(self.moment.last, self.cycle), goal=goal)
 
+    def giving_up(self, why: str) -> Course:
+        """Some of the goal is about to be left out, with what is known now."""
+        return replace(self, given_up_at=self.known.facts, given_up_why=why)
+
     def planned(self, plan: Plan, goal: Facts) -> Course:
         """A plan for `goal`, the task's or what is left of it, is taken up."""
-        replans = self.replans + (self.plan is not None)
-        given_up_at = self.given_up_at if goal == self.goal else self.known.facts
-        todo = tuple(range(len(plan.steps)))
-        return replace(self, goal=goal, given_up_at=given_up_at, plan=plan.steps, todo=todo, attempt=1, replans=replans)
+        replans, todo = self.replans + (self.plan is not None), tuple(range(len(plan.steps)))
+        return replace(self, goal=goal, plan=plan.steps, todo=todo, attempt=1, replans=replans)
 
     def dispatched(self) -> Course:
         """The next step is handed to its skill: its effects are expected, and that all else stays."""

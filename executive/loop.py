@@ -191,8 +191,9 @@ class Executive:
             verdict = self._compare("goal", self.course.goal, self.course.moment.last)
             if verdict.satisfied and self.course.given_up and self.course.known.facts != self.course.given_up_at:
                 plan = self._probe(self.course.task.goal)  # what was given up may have come within reach since
-            looks, given_up = len(self.course.moment.looks), self.course.given_up
-            decision = self._decide(policy.finish(self.course.goal, given_up, verdict, plan, looks, self.settings))
+            course, looks = self.course, len(self.course.moment.looks)
+            given_up = course.given_up, course.given_up_why, plan
+            decision = self._decide(policy.finish(course.goal, verdict, looks, *given_up, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 break
             self._look("is the goal reached?")
@@ -203,6 +204,7 @@ class Executive:
         kept, plan = policy.largest_reachable(self.course.goal, self._probe, self.settings.max_goal_plans)
         decision = policy.given_up(cause, self.course.goal, kept, self.course.is_stuck)
         self._emit(decision)
+        self.course = self.course.giving_up(cause.reason)
         return decision if plan is None else self._take_up(plan, kept)
 
     def _take_up(self, plan: Plan, goal: Facts) -> Decision:

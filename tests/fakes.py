@@ -1,8 +1,8 @@
 """A symbolic world with everything around it: things in places, one hand, and whatever can go wrong.
 
-The smallest domain that still picks, carries and drops, so that a whole run takes milliseconds: atoms `at(thing,place)`,
-`held(thing)`, `free()`, actions `pick(thing,place)` and `place(thing,place)`. No part of it knows the executive's mind:
-the world moves on its own clock, the estimator sees an observation, the skills drive the world.
+The smallest domain that still picks, carries and drops, so that a whole run takes milliseconds: atoms
+`at(thing,place)`, `held(thing)`, `free()`, actions `pick(thing,place)` and `place(thing,place)`. No part of it knows
+the executive's mind: the world moves on its own clock, the estimator sees an observation, the skills drive the world.
 """
 
 from __future__ import annotations
