@@ -1,0 +1,93 @@
+"""The seam between S3E's questions and whatever answers them: a checkpoint in this process, or a server.
+
+A backend is shown pictures once and asked about them as often as one likes. It answers with the probability mass that
+its next token puts on each of two answers, and leaves what that means to `executive.s3e.estimator`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from executive.types import Image
+
+
+@dataclass(frozen=True, slots=True)
+class AnswerWords:
+    """The two answers, as bare lower-case words. Every surface form counts: any case, with and without a leading
+    space (Section 4: "multiple tokens for each")."""
+
+    affirmative: str
+    negative: str
+
+    def forms(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """All surface forms of the affirmative and of the negative answer."""
+
+        def spellings(word: str) -> tuple[str, ...]:
+            cased = (word.lower(), word.capitalize(), word.upper())
+            return tuple(space + form for form in cased for space in ("", " "))
+
+        return spellings(self.affirmative), spellings(self.negative)
+
+
+YES_NO = AnswerWords("yes", "no")
+TRUE_FALSE = AnswerWords("true", "false")
+"""The answers of the ablation without translation (Appendix B)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a model answered to one question.
+
+    `yes_mass` and `no_mass` are the next token's probabilities summed over the surface forms of either answer; the
+    rest of the mass went elsewhere. `prompt` is the text exactly as the model was given it. `error` says why there is
+    no answer at all (a server that is gone, a reply that makes no sense); both masses are then 0.
+    """
+
+    prompt: str
+    yes_mass: float
+    no_mass: float
+    error: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("yes_mass", "no_mass"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and -1e-6 <= value <= 1.0 + 1e-6):
+                raise ValueError(f"{name} = {value!r} is not a probability mass")
+
+    def probability(self, least_mass: float = 0.0) -> float | None:
+        """yes / (yes + no), or None where an answer is missing or the two together have no more than `least_mass`."""
+        mass = self.yes_mass + self.no_mass
+        if self.error or mass <= 0.0 or mass < least_mass:
+            return None
+        return min(1.0, max(0.0, self.yes_mass / mass))
+
+
+@runtime_checkable
+class Look(Protocol):
+    """Pictures that a backend has taken in. Asking again costs the questions alone."""
+
+    def ask(self, questions: Sequence[str]) -> list[Answer]:
+        """One answer per question, in order, none influenced by another: a permutation or a subset of the questions
+        gets the same answers."""
+        ...
+
+
+@runtime_checkable
+class Backend(Protocol):
+    """A vision-language model."""
+
+    @property
+    def name(self) -> str:
+        """What to call the model in a trace: never a key, never a machine's path beyond the folder's own name."""
+        ...
+
+    def look(self, images: Sequence[Image], system: str, words: AnswerWords = YES_NO) -> Look:
+        """Take in pictures, (H, W, 3) uint8 each, shown together and in order, under a system prompt.
+
+        Raises:
+            InputError: there is no picture, or one that the model cannot take.
+        """
+        ...
