@@ -29,6 +29,7 @@ _SECTIONS = {
     "domain": frozenset([":requirements", ":types", ":constants", ":predicates", ":action"]),
     "problem": frozenset([":domain", ":requirements", ":objects", ":init", ":goal"]),
 }
+_EVERY_SECTION = frozenset().union(*_SECTIONS.values())
 _REFUSED = {
     ":functions": "numeric fluents",
     ":derived": "derived predicates",
@@ -98,6 +99,7 @@ class PddlFile:
         except OSError as error:
             raise DomainError(f"cannot be read ({error.strerror})", file=self.path) from None
         stack: list[tuple[int, list[Form]]] = [(1, [])]
+        swallowed: tuple[int, int] | None = None  # where a section begins inside another: which, and where
         for number, line in enumerate(text.lower().split("\n"), start=1):
             for token in _TOKEN.findall(line):
                 if token == "(":
@@ -110,8 +112,12 @@ class PddlFile:
                         self.fail(number, "a ')' without its '('")
                     stack[-1][1].append(Form(start, items=tuple(items)))
                 elif not token.startswith(";"):
+                    if swallowed is None and len(stack) > 3 and not stack[-1][1] and token in _EVERY_SECTION:
+                        swallowed = (stack[2][0], number)
                     stack[-1][1].append(Form(number, token))
         if len(stack) > 1:
+            if swallowed is not None:
+                self.fail(swallowed[0], f"a '(' that is not closed before the next section, on line {swallowed[1]}")
             self.fail(stack[-1][0], "a '(' that is never closed")
         forms = stack[0][1]
         if not forms:

@@ -1,0 +1,300 @@
+"""Plans reach their goals; solved, unsolvable, timed out and crashed are four results; no process is left behind."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from pathlib import Path
+from typing import TypeAlias
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from executive.errors import MissingError
+from executive.ordering import holds, replay
+from executive.pddl import Schema, read_task
+from executive.planning import FastDownwardPlanner
+from executive.protocols import Planner
+from executive.types import Facts, NoPlan, NoPlanReason, Plan
+from tests.executive.test_pddl import DATA, PAIRS
+
+Planners: TypeAlias = dict[str, FastDownwardPlanner]
+Schemas: TypeAlias = dict[str, Schema]
+
+EXAMPLE_1 = Facts.parse(
+    "robot-gripper-empty",
+    "on-table(milk-carton,black-table)",
+    "on-table(cereal-box,wood-table)",
+    "on-table(lemon,white-table)",
+)
+
+
+@pytest.fixture(scope="module")
+def planners() -> dict[str, FastDownwardPlanner]:
+    return {name: FastDownwardPlanner(read_task(*pair)) for name, pair in PAIRS.items()}
+
+
+@pytest.fixture(scope="module")
+def schemas() -> dict[str, Schema]:
+    return {name: read_task(*pair) for name, pair in PAIRS.items()}
+
+
+@pytest.fixture
+def fifteen() -> Schema:
+    """Unsolvable, but no search lives to say so."""
+    return read_task(DATA / "sliding-tiles.pddl", DATA / "fifteen.pddl")
+
+
+def declared(schema: Schema) -> Facts:
+    return Facts.closed(schema.task.declared, schema.task.atoms)
+
+
+def steps(answer: Plan | NoPlan) -> list[str]:
+    assert isinstance(answer, Plan), answer
+    return [str(step) for step in answer.steps]
+
+
+def test_the_papers_example_takes_the_milk_before_the_cereal(planners: Planners, schemas: Schemas) -> None:
+    answer = planners["breakfast"].plan(EXAMPLE_1, schemas["breakfast"].task.goal)
+    assert steps(answer) == [
+        "pick(milk-carton,black-table)",
+        "place(milk-carton,white-table)",
+        "pick(cereal-box,wood-table)",
+        "place(cereal-box,white-table)",
+    ]
+    assert isinstance(answer, Plan)
+    assert answer.cost == 4.0
+
+
+@given(name=st.sampled_from(["sort-all", "tray", "dishes"]), seed=st.integers(0, 10**6))
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_a_plan_leads_from_the_state_to_the_goal(planners: Planners, schemas: Schemas, name: str, seed: int) -> None:
+    """From any state, however inconsistent (two items held, one item on two tables), to any part of the goal."""
+    choose, task = random.Random(seed), schemas[name].task
+    state = Facts({atom: choose.random() < choose.choice([0.1, 0.3, 0.5]) for atom in task.atoms})
+    goal = task.goal.only(choose.sample(sorted(task.goal), choose.randint(1, len(task.goal))))
+    answer = planners[name].plan(state, goal)
+    if isinstance(answer, NoPlan):
+        assert answer.reason is NoPlanReason.UNSOLVABLE
+        return
+    end = replay(state.true, answer.steps)
+    assert end is not None
+    assert holds(end, goal)
+    assert answer.cost == len(answer.steps)
+    assert all(step == schemas[name].ground(step.action, step.args) for step in answer.steps)
+
+
+def test_what_is_held_is_put_down_first(planners: Planners, schemas: Schemas) -> None:
+    held = EXAMPLE_1.without(Facts.parse("robot-gripper-empty", "on-table(cereal-box,wood-table)")) | Facts.parse(
+        "robot-gripping(cereal-box)"
+    )
+    found = steps(planners["breakfast"].plan(held, schemas["breakfast"].task.goal))
+    assert found == ["place(cereal-box,white-table)", "pick(milk-carton,black-table)", "place(milk-carton,white-table)"]
+
+
+def test_a_goal_that_holds_needs_no_steps_and_no_engine(schemas: Schemas, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.planning._solve", None)
+    planner = FastDownwardPlanner(schemas["breakfast"])
+    answer = planner.plan(EXAMPLE_1, Facts.parse("on-table(lemon,white-table)", "not robot-gripping(lemon)"))
+    assert steps(answer) == []
+
+
+@pytest.mark.parametrize(
+    ("state", "goal"),
+    [
+        ("on-table(lemon,black-table)", "on-table(lemon,white-table)"),  # nothing held, the gripper not empty
+        ("robot-gripper-empty", "on-table(lemon,white-table)"),  # the lemon is nowhere
+        ("robot-gripper-empty; on-table(lemon,black-table)", "on-table(lemon,white-table); on-table(lemon,wood-table)"),
+        ("robot-gripper-empty; on-table(lemon,black-table)", "robot-gripping(lemon); robot-gripper-empty"),
+        ("", "robot-gripper-empty"),
+    ],
+)
+def test_no_way_is_unsolvable_and_says_so(planners: Planners, state: str, goal: str) -> None:
+    answer = planners["breakfast"].plan(Facts.parse(*filter(None, state.split("; "))), Facts.parse(*goal.split("; ")))
+    assert isinstance(answer, NoPlan)
+    assert answer.reason is NoPlanReason.UNSOLVABLE
+
+
+def test_an_atom_of_another_task_is_refused(planners: Planners) -> None:
+    with pytest.raises(ValueError, match="holding"):
+        planners["breakfast"].plan(Facts.parse("holding(red-cube)"), Facts.parse("robot-gripper-empty"))
+
+
+def test_it_is_a_planner(planners: Planners, schemas: Schemas) -> None:
+    assert isinstance(planners["tray"], Planner)
+    with pytest.raises(ValueError, match="timeout"):
+        FastDownwardPlanner(schemas["tray"], timeout=0)
+
+
+def test_a_missing_engine_is_named_with_its_command(schemas: Schemas, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.planning.ENGINE", "no-such-engine")
+    planner = FastDownwardPlanner(schemas["tray"])
+    planner.warm_up()  # says nothing; the call that needs it does
+    with pytest.raises(MissingError, match="pip install up-fast-downward"):
+        planner.plan(Facts(), schemas["tray"].task.goal)
+
+
+PLAN_DISHES = """
+from executive.pddl import read_task
+from executive.planning import FastDownwardPlanner
+from executive.types import Facts
+from tests.executive.test_pddl import PAIRS
+for name in ("dishes", "sort-all"):
+    schema = read_task(*PAIRS[name])
+    held = [f"on-table({atom.args[0]},black-table)" for atom in schema.goals] if name == "sort-all" else []
+    state = Facts({atom: True for atom in schema.task.declared}) | Facts.parse(*held)
+    planner = FastDownwardPlanner(schema)
+    planner.warm_up()
+    for _ in range(2):
+        print(*planner.plan(state, schema.task.goal).steps)
+"""
+
+
+def test_the_same_plan_in_every_process() -> None:
+    """Neither the hash seed nor a second call changes the plan."""
+    outputs = {
+        subprocess.run(
+            [sys.executable, "-c", PLAN_DISHES],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            cwd=Path(__file__).resolve().parents[2],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2", "3")
+    }
+    (output,) = outputs
+    dishes, again, groceries, groceries_again = output.splitlines()
+    assert (dishes, groceries) == (again, groceries_again)
+    assert "serve()" in dishes
+    assert groceries.count("place") == 5  # the cereal stands on the black table already
+
+
+@pytest.fixture
+def mark(monkeypatch: pytest.MonkeyPatch) -> str:
+    """An environment variable that the engine's processes inherit, to know them by."""
+    monkeypatch.setenv("EXECUTIVE_TEST_MARK", value := uuid.uuid4().hex)
+    return value
+
+
+def marked(mark: str) -> dict[int, str]:
+    """The living processes that carry the mark, with their command lines, this one left out."""
+    found = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if (
+                int(folder.name) != os.getpid()
+                and f"EXECUTIVE_TEST_MARK={mark}".encode() in (folder / "environ").read_bytes()
+            ):
+                found[int(folder.name)] = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except OSError:  # it ended while we looked, or belongs to somebody else
+            continue
+    return found
+
+
+def wait_for(mark: str, wanted: str) -> int:
+    """The process with `wanted` in its command line, once it is there."""
+    while True:
+        for pid, command in marked(mark).items():
+            if wanted in command:
+                return pid
+        time.sleep(0.01)
+
+
+def gone(mark: str) -> bool:
+    """Whether all marked processes end (killed ones take a moment)."""
+    for _ in range(500):
+        if not marked(mark):
+            return True
+        time.sleep(0.01)
+    return False
+
+
+SEARCH = "--internal-plan-file"
+DRIVER = "fast-downward.py"
+
+
+def test_a_search_that_takes_too_long_times_out_and_leaves_no_process(
+    fifteen: Schema, mark: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    answer = FastDownwardPlanner(fifteen, timeout=3.0).plan(declared(fifteen), fifteen.task.goal)
+    assert isinstance(answer, NoPlan)
+    assert answer.reason is NoPlanReason.TIMED_OUT
+    assert "3 s" in answer.detail
+    assert gone(mark)
+    assert not list(tmp_path.iterdir())  # Fast Downward's intermediate file did not land in the current directory
+
+
+@pytest.mark.parametrize("victim", [SEARCH, DRIVER])
+def test_killed_processes_are_a_crash_and_take_the_others_with_them(fifteen: Schema, mark: str, victim: str) -> None:
+    """Whichever of the engine's processes dies, in both of the searches."""
+    killed: list[int] = []
+
+    def kill() -> None:
+        for _ in range(2):
+            wait_for(mark, SEARCH)
+            killed.append(wait_for(mark, victim))
+            os.kill(killed[-1], signal.SIGKILL)
+            while killed[-1] in marked(mark):
+                time.sleep(0.01)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    answer = FastDownwardPlanner(fifteen, timeout=200.0).plan(declared(fifteen), fifteen.task.goal)
+    thread.join()
+    assert isinstance(answer, NoPlan)
+    assert answer.reason is NoPlanReason.CRASHED
+    assert answer.detail.isprintable()
+    assert len(set(killed)) == 2
+    assert gone(mark)
+
+
+def test_an_engine_that_does_not_start_is_a_crash(schemas: Schemas, monkeypatch: pytest.MonkeyPatch) -> None:
+    planner = FastDownwardPlanner(schemas["breakfast"])
+    planner.warm_up()
+    monkeypatch.setattr(sys, "executable", "/no/such/python")
+    answer = planner.plan(EXAMPLE_1, schemas["breakfast"].task.goal)
+    assert isinstance(answer, NoPlan)
+    assert answer.reason is NoPlanReason.CRASHED
+    assert "/no/such/python" in answer.detail
+
+
+def test_an_interrupt_ends_the_engine(fifteen: Schema, mark: str) -> None:
+    """Ctrl-C while the search runs: the exception comes through, and nothing runs on."""
+
+    def interrupt() -> None:
+        wait_for(mark, SEARCH)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        FastDownwardPlanner(fifteen, timeout=200.0).plan(declared(fifteen), fifteen.task.goal)
+    thread.join()
+    assert gone(mark)
+
+
+def test_two_planners_in_one_directory_do_not_read_each_other(schemas: Schemas) -> None:
+    answers: dict[str, list[list[str]]] = {"lemon": [], "soda-can": []}
+    states = {item: Facts.parse("robot-gripper-empty", f"on-table({item},black-table)") for item in answers}
+
+    def work(item: str) -> None:
+        planner = FastDownwardPlanner(schemas["sort-all"])
+        for _ in range(4):
+            answers[item].append(steps(planner.plan(states[item], Facts.parse(f"on-table({item},white-table)"))))
+
+    threads = [threading.Thread(target=work, args=(item,)) for item in answers]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for item, found in answers.items():
+        assert found == [[f"pick({item},black-table)", f"place({item},white-table)"]] * 4
