@@ -159,15 +159,18 @@ def crashed(result: SkillResult) -> Decision:
     return _stop(OutcomeKind.CRASHED, f"the skill for {result.step} crashed: {result.reason}")
 
 
-def unplanned(no_plan: NoPlan, times: int, may_look: bool) -> Decision:
-    """The planner has no plan, for the `times`-th time in a row for this reason."""
+def unplanned(no_plan: NoPlan, times: int, looking: bool) -> Decision:
+    """The planner has no plan, for the `times`-th time in a row for this reason. `looking`: the executive can look
+    again; one that cannot has no reason to doubt what it believes."""
     detail = f": {no_plan.detail}" if no_plan.detail else ""
     reason = f"the planner answers {no_plan.reason}{detail}"
     if no_plan.reason is not NoPlanReason.UNSOLVABLE:
         if times == 1:
             return Decision(DecisionKind.REPLAN, f"{reason}; asking once more")
         return _stop(OutcomeKind.NO_PLAN, f"{reason}, {times} times")
-    if times == 1 and may_look:
+    if not looking:
+        return _stop(OutcomeKind.NO_PLAN, reason)
+    if times == 1:
         return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; looking again, as what is believed may be wrong")
     return Decision(DecisionKind.GIVE_UP_GOAL, reason)
 

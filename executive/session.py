@@ -82,9 +82,11 @@ class Session:
         self.heed()
         self._stage = name
         start, delivering = time.monotonic(), self._delivering
-        yield
-        self.emit(Timing(name, time.monotonic() - start - (self._delivering - delivering)))
-        self._stage = "decide"
+        try:
+            yield
+            self._stage = "decide"
+        finally:
+            self.emit(Timing(name, time.monotonic() - start - (self._delivering - delivering)))
 
     def guard(self, live: Callable[[], Decision]) -> tuple[Decision, BaseException | None]:
         """Call `live` and return its last decision; whatever it raises becomes one. Beside it stands what is to be
@@ -124,7 +126,10 @@ class Session:
         result = SkillResult(step, SkillStatus.CANCELLED, "interrupted")
         try:
             with self.stage("skill"):
-                result = skills[step.action](step, context)
+                returned: object = skills[step.action](step, context)
+            if not isinstance(returned, SkillResult):
+                raise TypeError(f"it returned {returned!r}, not a SkillResult")
+            result = returned
         except ExecutiveError:
             raise  # the set-up's fault, not the skill's
         except Exception as error:
@@ -139,10 +144,7 @@ class Session:
 
     def close(self, last: Payload) -> None:
         """Deliver the last event, stamped with the time of the one before it, and close all sinks."""
-        try:
-            self._world.watch(None)
-        except Exception:
-            log.warning("the world could not be told that nobody watches any more", exc_info=True)
+        self._guarded(self._world, self._world.watch, None)
         self._deliver(last)
         for sink in self._sinks:
             self._guarded(sink, sink.close)
@@ -155,13 +157,14 @@ class Session:
                 self._listening.remove(sink)
         self._delivering += time.monotonic() - start
 
-    def _guarded(self, sink: Sink, call: Callable[..., None], *arguments: Event) -> bool:
+    def _guarded(self, part: object, call: Callable[..., None], *arguments: object) -> bool:
+        """Whether the call came through. Ctrl-C that strikes in it is kept for later."""
         try:
             call(*arguments)
         except KeyboardInterrupt:
             self.cancel()
         except Exception:
-            log.warning("%s failed and gets no more events", type(sink).__name__, exc_info=True)
+            log.warning("%s failed and is left alone from here on", type(part).__name__, exc_info=True)
             return False
         return True
 

@@ -260,18 +260,20 @@ class FakeSkill:
                 return self._end(step, SkillStatus.NOT_THERE, world, start, f"{thing} is not at {place}")
             if world.held is not None:
                 return self._end(step, SkillStatus.UNREACHABLE, world, start, "the hand is full")
-            self._phase("approach", 2.0, context, world)
             missed, world.missing = world.missing, False
-            self._phase("grip", 0.5, context, world)
+            if not self._phase("approach", 2.0, context, world) or not self._phase("grip", 0.5, context, world):
+                return self._end(step, SkillStatus.CANCELLED, world, start)
             if missed:
                 return self._end(step, SkillStatus.GRASP_MISSED, world, start)
             world.where[thing] = "hand"
         elif world.held != thing:
             return self._end(step, SkillStatus.NOT_THERE, world, start, f"{thing} is not in the hand")
-        if not self._phase("transfer", 3.0, context, world, thing):
-            return self._end(step, SkillStatus.DROPPED, world, start, planned=world.now - start + 2.0)
+        if not self._phase("transfer", 3.0, context, world, carried=thing):
+            status = SkillStatus.CANCELLED if context.cancelled() else SkillStatus.DROPPED
+            return self._end(step, status, world, start, planned=world.now - start + 2.0)
         if step.action == "place":
-            self._phase("lower", 1.0, context, world)
+            if not self._phase("lower", 1.0, context, world, carried=thing):
+                return self._end(step, SkillStatus.CANCELLED, world, start)
             world.where[thing] = place
             self._phase("release", 0.5, context, world)
         return self._end(step, SkillStatus.DONE, world, start)
@@ -279,9 +281,11 @@ class FakeSkill:
     def _phase(
         self, name: str, seconds: float, context: SkillContext, world: FakeWorld, carried: str | None = None
     ) -> bool:
-        """Whether what is carried, if anything, is still in the hand at the end of every tenth of the phase."""
+        """Whether the phase came to its end: not cancelled, and what is carried, if anything, still in the hand."""
         context.announce(Phase(name, seconds=seconds))
         for _ in range(10):
+            if context.cancelled():
+                return False
             world.advance(seconds / 10)
             if carried is not None and world.held != carried:
                 return False
