@@ -209,8 +209,8 @@ class _Source:
                 self.fail(key, f"unknown key; {nearest(key[-1], table.model_fields)}")
             if kind == "missing":
                 self.fail(key, "is missing")
-            expected = "a table" if kind in ("model_type", "dict_type") else first["msg"].partition(" should ")[2]
-            self.fail(key, f"expected {expected.removeprefix('be ')}, got {reprlib.repr(first['input'])}")
+            should = "be a table" if kind in ("model_type", "dict_type") else first["msg"].partition(" should ")[2]
+            self.fail(key, f"should {should}, got {reprlib.repr(first['input'])}")
 
     def file(self, name: str, key: str) -> Path:
         """A file that the manifest names, which must lie in the folder."""

@@ -246,7 +246,7 @@ def test_killed_processes_are_a_crash_and_take_the_others_with_them(fifteen: Sch
             while killed[-1] in marked(mark):
                 time.sleep(0.01)
 
-    thread = threading.Thread(target=kill)
+    thread = threading.Thread(target=kill, daemon=True)
     thread.start()
     answer = FastDownwardPlanner(fifteen, timeout=200.0).plan(declared(fifteen), fifteen.task.goal)
     thread.join()
@@ -274,7 +274,7 @@ def test_an_interrupt_ends_the_engine(fifteen: Schema, mark: str) -> None:
         wait_for(mark, SEARCH)
         os.kill(os.getpid(), signal.SIGINT)
 
-    thread = threading.Thread(target=interrupt)
+    thread = threading.Thread(target=interrupt, daemon=True)
     thread.start()
     with pytest.raises(KeyboardInterrupt):
         FastDownwardPlanner(fifteen, timeout=200.0).plan(declared(fifteen), fifteen.task.goal)

@@ -1,0 +1,238 @@
+"""Domain folders are read whole, or refused in one line that names the file and the key."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from executive.domain import LARGEST, Domain, list_domains, load_domain
+from executive.errors import DomainError
+
+ROOT = Path(__file__).resolve().parents[2]
+TRAY = ROOT / "tests" / "domains" / "tray"
+SKILLS = ("pick", "place")
+RELATIONS = ("on", "gripping", "gripper-empty")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A copy of the smallest domain, to be broken."""
+    copy = tmp_path / "tray"
+    shutil.copytree(TRAY, copy)
+    (copy / "scene.toml").touch()
+    (copy / "problems").mkdir()
+    shutil.copy(copy / "problem.pddl", copy / "problems" / "fill-tray.pddl")
+    return copy
+
+
+def load(where: str | Path, problem: str | None = None) -> Domain:
+    return load_domain(where, problem, skills=SKILLS, relations=RELATIONS)
+
+
+def said(where: str | Path, problem: str | None = None) -> str:
+    """What is said of a broken domain: one printable line, that begins with the file."""
+    with pytest.raises(DomainError) as caught:
+        load(where, problem)
+    message = str(caught.value)
+    assert message.isprintable()
+    return message.removeprefix(f"{where}/")
+
+
+def edit(folder: Path, old: str, new: str, file: str = "domain.toml") -> None:
+    text = (folder / file).read_text()
+    assert old in text
+    (folder / file).write_text(text.replace(old, new, 1))
+
+
+def test_the_shipped_domain_is_found_by_name_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert list_domains() == ("grocery",)
+    domain = load_domain("grocery")  # with the skills and relations that the installed packages register
+    assert (domain.name, domain.world, domain.task.problem) == ("grocery", "mujoco", "sort-all")
+    assert domain.skills == {"pick": "pick", "place": "place"}
+    assert domain.relations == {
+        "on-table": "on",
+        "robot-gripping": "gripping",
+        "robot-gripper-empty": "gripper-empty",
+    }
+    assert domain.task is domain.parsed.task
+    assert [file.name for file in domain.files] == ["domain.toml", "domain.pddl", "problem.pddl", "scene.toml"]
+    assert domain.scene == domain.files[-1]
+
+
+def test_problems_are_found_by_name_and_by_path(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert load("grocery", "breakfast").task.problem == "breakfast"
+    assert load("grocery", "one-item").task.problem == "one-item"
+    for problem in ("fill-tray", "problems/fill-tray.pddl", str(folder / "problems" / "fill-tray.pddl")):
+        assert load(folder, problem).files[2].samefile(folder / "problems" / "fill-tray.pddl")
+    monkeypatch.chdir(folder.parent)
+    assert load("tray", "tray/problems/fill-tray.pddl").task.problem == "fill-tray"
+    assert load("tray").folder == Path("tray")
+
+
+@pytest.mark.parametrize(
+    "problem", ["brekfast", "../../etc/passwd", "/etc/passwd", "", "domain.toml", "problems", "a\0b"]
+)
+def test_a_wrong_problem_is_answered_with_the_right_ones(problem: str) -> None:
+    message = said("grocery", problem)
+    assert message.endswith("valid: breakfast, one-item")
+    assert ("did you mean 'breakfast'?" in message) is (problem == "brekfast")
+
+
+def test_a_problem_outside_the_folder_is_refused(folder: Path) -> None:
+    outside = folder.parent / "other.pddl"
+    shutil.copy(folder / "problem.pddl", outside)
+    for problem in (str(outside), "../other.pddl"):
+        assert "leads outside the domain folder" in said(folder, problem)
+
+
+def test_a_wrong_domain_is_answered_with_the_right_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert said("grocry") == (
+        "grocry: no such folder, nor a shipped domain of that name; did you mean 'grocery'? valid: grocery"
+    )
+    assert "there is no domain.toml in this folder" in said(tmp_path)
+    (tmp_path / "file").touch()
+    assert "is not a folder" in said(tmp_path / "file")
+    (tmp_path / "grocery").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert load("grocery").task.name == "grocery"  # a folder of that name without a manifest is no domain
+
+
+# fmt: off
+# What is replaced in domain.toml, by what, and what is said of it.
+MISTAKES = {
+    "not TOML": ("[world]", "[world", "domain.toml: is not TOML: "),
+    "unknown key": ('title = "Two', 'titel = "Two', "line 3: titel: unknown key; did you mean 'title'? valid: "),
+    "missing key": ('title = "Two', '# = "Two', "domain.toml: title: is missing"),
+    "empty title": ('"Two cubes and a tray"', '""', "line 3: title: should have at least 1 character, got ''"),
+    "wrong type": ('"Two cubes and a tray"', "7", "line 3: title: should be a valid string, got 7"),
+    "unknown world": ('"mujoco"', '"gazebo"', "line 8: world.kind: should be 'mujoco', got 'gazebo'"),
+    "missing key of a table": ('scene = "scene.toml"', "", "line 7: world.scene: is missing"),
+    "unknown key of a table": ("skill =", "skil =", "line 12: actions.lift.skil: unknown key; did you mean 'skill'?"),
+    "missing table": ("[world]", "[word]", "line 7: word: unknown key; did you mean 'world'?"),
+    "text for a table": (
+        "[actions.lift]\nskill", "[actions]\nlift", "line 12: actions.lift: should be a table, got 'pick'",
+    ),
+    "unknown action": (
+        "[actions.lift]", "[actions.lifd]", "line 11: actions.lifd: there is no action 'lifd' in the PDDL; did you",
+    ),
+    "forgotten action": (
+        '[actions.drop]\nskill = "place"', "", "domain.toml: actions.drop: is missing: name the skill",
+    ),
+    "unknown skill": (
+        '"place"', '"palce"', "line 15: actions.drop.skill: no skill 'palce' is registered; did you mean 'place'?",
+    ),
+    "unknown predicate": (
+        "[predicates.holding]", "[predicates.held]", "line 20: predicates.held: there is no predicate 'held'",
+    ),
+    "forgotten predicate": (
+        '[predicates.holding]\nrelation = "gripping"', "", "predicates.holding: is missing: name the relation",
+    ),
+    "unknown relation": ('"gripping"', '"griping"', "no relation 'griping' is registered; did you mean 'gripping'?"),
+    "no such file": ('"domain.pddl"', '"domian.pddl"', "line 4: domain: 'domian.pddl': there is no such file"),
+    "no scene": ('"scene.toml"', '"scenes/one.toml"', "line 9: world.scene: 'scenes/one.toml': there is no such file"),
+    "a folder for a file": ('"problem.pddl"', '"problems"', "line 5: problem: 'problems': is not a file"),
+    "an empty path": ('"problem.pddl"', '""', "line 5: problem: '': is not a file"),
+    "an absolute path": (
+        '"domain.pddl"', '"/etc/passwd"', "line 4: domain: '/etc/passwd' is not a path inside the domain folder",
+    ),
+    "a path upwards": ('"domain.pddl"', '"../tray/domain.pddl"', "is not a path inside the domain folder"),
+    "a path upwards, in the middle": (
+        '"domain.pddl"', '"problems/../domain.pddl"', "is not a path inside the domain folder",
+    ),
+    "a path of Windows": ('"domain.pddl"', "'C:\\domain.pddl'", "is not a path inside the domain folder"),
+    "a path of Windows upwards": ('"domain.pddl"', "'..\\domain.pddl'", "is not a path inside the domain folder"),
+    "a path with a zero byte": ('"domain.pddl"', '"a\\u0000b"', "line 4: domain: 'a\\x00b': cannot be read"),
+    "a path without end": ('"domain.pddl"', f'"{"a" * 5000}"', "cannot be read (File name too long)"),
+    "a key with a line break": ('title = "Two', '"ti\\ntle" = "Two', "unknown key; did you mean 'title'?"),
+    "terminal codes": ('title = "Two', '"\\u001b[31mtitle" = "Two', "unknown key; did you mean 'title'?"),
+    "nested without end": ('"Two cubes and a tray"', "[" * 5000, "is not TOML that anyone would write"),
+}
+# fmt: on
+
+
+@pytest.mark.parametrize(("old", "new", "words"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_in_the_manifest_is_named(folder: Path, old: str, new: str, words: str) -> None:
+    edit(folder, old, new)
+    message = said(folder)
+    assert message.startswith("domain.toml: ")
+    assert words in message
+
+
+def test_a_mistake_in_the_pddl_is_named(folder: Path) -> None:
+    edit(folder, "(holding ?cube - cube)", "(holding ?cube - cub)", "domain.pddl")
+    kinds = "bench, cube, object, support, tray"
+    assert said(folder) == f"domain.pddl: line 9: unknown type cub; did you mean 'cube'? valid: {kinds}"
+
+
+@pytest.mark.parametrize("file", ["domain.toml", "domain.pddl", "problem.pddl", "scene.toml"])
+def test_a_link_that_leaves_the_folder_is_not_followed(folder: Path, file: str) -> None:
+    (folder / file).rename(folder.parent / file)
+    (folder / file).symlink_to(folder.parent / file)
+    assert "leads outside the domain folder" in said(folder)
+    (folder / file).unlink()
+    (folder.parent / file).rename(folder / f"real-{file}")
+    (folder / file).symlink_to(f"real-{file}")
+    assert load(folder).name == "tray"
+
+
+def test_what_is_no_ordinary_file_is_not_read(folder: Path) -> None:
+    (folder / "scene.toml").unlink()
+    os.mkfifo(folder / "scene.toml")
+    assert "'scene.toml': is not a file" in said(folder)
+    (folder / "scene.toml").unlink()
+    (folder / "scene.toml").symlink_to("scene.toml")
+    assert "'scene.toml': cannot be read" in said(folder)
+    (folder / "scene.toml").unlink()
+    with (folder / "scene.toml").open("wb") as file:
+        file.truncate(LARGEST + 1)
+    assert "10,000,001 bytes" in said(folder)
+    (folder / "domain.toml").write_bytes(b"title = '\xff'")
+    assert "domain.toml: is not UTF-8 text" in said(folder)
+
+
+def test_loading_runs_nothing_and_loads_no_planner(folder: Path) -> None:
+    (folder / "conftest.py").write_text("raise SystemExit('code of a domain folder was run')")
+    (folder / "pick.py").write_text("raise SystemExit('code of a domain folder was run')")
+    heavy = ("unified_planning", "mujoco", "robosuite", "ompl", "skills")
+    script = (
+        "import sys\n"
+        "from executive.domain import load_domain\n"
+        f"load_domain(sys.argv[1], skills={SKILLS!r}, relations={RELATIONS!r})\n"
+        f"sys.exit([name for name in {heavy!r} if name in sys.modules] or None)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(folder)],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr.strip()) == (0, "")
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_damage_is_answered_in_one_line_or_does_no_harm(folder: Path, data: st.DataObject) -> None:
+    """Cut, doubled and garbled files: a `Domain` or a `DomainError`, never anything else."""
+    file = folder / data.draw(st.sampled_from(["domain.toml", "domain.pddl", "problem.pddl"]))
+    original = file.read_bytes()
+    start, end = sorted(data.draw(st.tuples(*[st.integers(0, len(original))] * 2)))
+    pieces = [b"", b"(", b")", b"- ", b"?x", b'"', b"[", b"]]", b"=", b"\0", b"\xff", original[start:end] * 2]
+    middle = data.draw(st.sampled_from(pieces))
+    file.write_bytes(original[:start] + middle + original[end:])
+    try:
+        answer = load(folder).name
+    except DomainError as error:
+        answer = str(error)
+    finally:
+        file.write_bytes(original)
+    assert answer.isprintable()
