@@ -31,7 +31,7 @@ EVENTS_FILE = "events.jsonl"
 IMAGES_FOLDER = "images"
 MOTION_POINTS = 64
 _DECISIVE = (Started, Decision, Ended)
-_STAMPS: tuple[tuple[type, str], ...] = ((int, "cycle"), (float, "time"), (float, "wall"))
+_STAMPS = {"cycle": int, "time": float, "wall": float}
 
 
 class EventLog:
@@ -71,7 +71,7 @@ class EventLog:
             data = encode(replace(payload, images={})) | {"images": names}
         else:
             data = encode(payload)
-        stamps = {key: encode(getattr(event, key)) for _, key in _STAMPS}
+        stamps = {stamp: encode(getattr(event, stamp)) for stamp in _STAMPS}
         record = {"v": FORMAT, "type": type(payload).__name__, **stamps, "data": data}
         self._append(json.dumps(record, allow_nan=False) + "\n")
         if isinstance(payload, _DECISIVE):
@@ -127,19 +127,20 @@ def read_events(run: Path | str, images: bool = True) -> Iterator[Event]:
 
 def _event(line: bytes, folder: Path, images: bool) -> Event:
     record = _record(line)
-    name = record.get("type")
-    if name not in RECORDED:
-        raise ValueError(f"unknown event type {name!r}; {nearest(str(name), RECORDED)}")
+    kind = RECORDED.get(str(record.get("type")))
+    if kind is None:
+        raise ValueError(f"unknown event type {record.get('type')!r}; {nearest(str(record.get('type')), RECORDED)}")
     data = record.get("data")
     pictures: Mapping[str, Image] = {}
-    if RECORDED[name] is Observation and isinstance(data, dict):
-        stored = data.get("images", {})
-        pictures = _pictures(stored, folder) if images else {}
+    if kind is Observation and isinstance(data, dict):
+        if images:
+            pictures = _pictures(data.get("images", {}), folder)
         data = {**data, "images": {}}
-    payload = decode(RECORDED[name], data)
+    payload = decode(kind, data)
     if pictures:
         payload = replace(payload, images=pictures)
-    return Event(*(decode(kind, record.get(key)) for kind, key in _STAMPS), payload)
+    cycle, time, wall = (decode(hint, record.get(stamp)) for stamp, hint in _STAMPS.items())
+    return Event(cycle, time, wall, payload)
 
 
 def _record(line: bytes) -> dict[str, Any]:

@@ -108,7 +108,7 @@ class Story:
 
     @property
     def current(self) -> StepLine | None:
-        """The step that was dispatched last."""
+        """The step that was dispatched last, of whichever plan."""
         return self._current
 
     @property
@@ -177,7 +177,7 @@ class Story:
             self._drop_rest()
         cause = self.decisions[-1][1].reason if self.plans and self.decisions else ""
         self.plans.append(PlanLine(len(self.plans) + 1, [StepLine(step) for step in plan.steps], cause, plan))
-        self.no_plan, self._current, self.phase = None, None, "plan"
+        self.no_plan, self.phase = None, "plan"
 
     def _drop_rest(self) -> None:
         for line in self.plans[-1].lines:

@@ -1,0 +1,133 @@
+"""The panels of the viewer that are text: pure functions from a story to Markdown.
+
+The viewer's fonts have no glyph for much of Unicode, and its headless form ends at the first one that is missing, so
+every text goes through `plain` on its way there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from executive.trace.story import AtomLine, Mark, Standing, StepLine, Story
+from executive.types import Decision, DecisionKind, Ended, Step
+
+MARKS = {
+    Mark.PENDING: "○",
+    Mark.CURRENT: "►",
+    Mark.DONE: "✓",
+    Mark.FAILED: "✗",
+    Mark.SKIPPED: "-",
+    Mark.DROPPED: "-",
+}
+_STANDINGS = {Standing.SURPRISE: "✗", Standing.DOUBT: "?", Standing.EXPECTED: "✓"}
+_DRAWN = {*map(chr, range(0x20, 0x7F)), *map(chr, range(0xA1, 0x100)), *"\n→←↑↓•…≥≤≠", *MARKS.values()} - {"\xad"}
+_MARKDOWN = frozenset("\\`*_|<>[]#~$")
+_ROWS = 12
+
+
+def plain(text: str) -> str:
+    """`text` with every character that the viewer cannot draw replaced by a question mark."""
+    return "".join(each if each in _DRAWN else "?" for each in text)
+
+
+def escaped(text: str) -> str:
+    """`text` as one line of Markdown that shows it letter by letter."""
+    return "".join("\\" + each if each in _MARKDOWN else each for each in " ".join(plain(text).split()))
+
+
+def spoken(step: Step) -> str:
+    """`pick cereal-box wood-table`."""
+    return " ".join((step.action, *step.args))
+
+
+def status(story: Story) -> str:
+    """Where the run stands; at its end, what it came to."""
+    started = story.started
+    if started is None:
+        return ""
+    title = f"**{escaped(started.domain)}: {escaped(started.task.problem)}**"
+    counts = {"action": story.actions, "look": story.looks, "replan": story.replans, "fault": len(story.faults)}
+    told = [f"{count} {noun}{'' if count == 1 else 's'}" for noun, count in counts.items()]
+    lines = [f"{title} · seed {started.seed} · {escaped(started.estimator)} · {' · '.join(told)}", ""]
+    if story.ended is not None:
+        lines += _end(story.ended)
+    else:
+        lines += [f"**{escaped(_doing(story))}**", "", _last(story.decisions[-1][1]) if story.decisions else ""]
+    return "\n".join([*lines, "", _goal(story)])
+
+
+def belief(story: Story) -> str:
+    """What was expected against what was believed in the last comparison; before the first one, what is believed."""
+    compared = story.compared
+    if compared is None:
+        true = [[escaped(str(atom)), f"{p:.2f}"] for atom, p in sorted(story.probability.items()) if p >= 0.5]
+        return "\n".join(["**believed true**", "", *_table(["atom", "P(true)"], true)])
+    about = f" {spoken(story.compared_step)}" if story.compared_step else ""
+    title = {"preconditions": f"before{about}", "effects": f"after{about}", "goal": "the goal"}
+    lines = story.atoms()
+    shown = _worth_showing(story, lines)
+    rows = [_row(line) for line in shown]
+    left = len(lines) - len(shown)
+    text = [f"**{escaped(title.get(compared.what, compared.what))}**, look {compared.observation_id}", ""]
+    text += _table(["", "atom", "expected", "P(true)"], rows)
+    return "\n".join([*text, "", f"{left} more, as expected"] if left else text)
+
+
+def log_line(decision: Decision) -> str:
+    """A decision in one line of the log."""
+    return plain(f"{decision.kind}: {decision.reason}")
+
+
+def step_label(line: StepLine) -> str:
+    """A step as a node of the plan's graph."""
+    tail = f"\n({line.note})" if line.note else ""
+    return plain("\n".join((f"{MARKS[line.mark]} {line.step.action}", *line.step.args)) + tail)
+
+
+def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
+    """All that is not as expected; of the rest what the step was to change, or, if it is no step, everything."""
+    compared = story.compared
+    step = story.compared_step if compared is not None and compared.what == "effects" else None
+    wanted = [
+        line for line in lines if line.standing is not Standing.EXPECTED or step is None or line.atom in step.effects
+    ]
+    return wanted[:_ROWS]
+
+
+def _row(line: AtomLine) -> list[str]:
+    probability = "?" if line.probability is None else f"{line.probability:.2f}"
+    cells = [_STANDINGS[line.standing], escaped(str(line.atom)), "true" if line.expected else "false", probability]
+    return cells if line.standing is Standing.EXPECTED else [f"**{cell}**" for cell in cells]
+
+
+def _doing(story: Story) -> str:
+    line = story.current
+    if line is None:
+        return "looking at the world" if story.plan is None else "about to begin"
+    attempt = f", attempt {line.attempt}" if line.attempt > 1 else ""
+    outcome = f" - {line.note}" if line.note else ""
+    return f"action {line.action}: {spoken(line.step)}{attempt}{outcome}"
+
+
+def _last(decision: Decision) -> str:
+    return f"{escaped(str(decision.kind))}: {escaped(decision.reason)}"
+
+
+def _goal(story: Story) -> str:
+    if story.started is None or not story.probability:
+        return ""
+    left, total = story.unreached(), len(story.started.task.goal)
+    return f"goal: {total - len(left)} of {total} seen" + (f"; to go: {escaped(', '.join(left))}" if left else "")
+
+
+def _end(ended: Ended) -> list[str]:
+    return [f"**{escaped(str(ended.outcome))}**", "", escaped(ended.reason)]
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
+
+
+def is_routine(decision: Decision) -> bool:
+    """Whether a decision is what happens when all goes well."""
+    return decision.kind is DecisionKind.CONTINUE

@@ -1,0 +1,95 @@
+"""A picture of a trace, drawn by the Rerun viewer without a screen."""
+
+from __future__ import annotations
+
+import io
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from executive.errors import InputError
+from executive.trace.viewer_process import headless_viewer, trace_file
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
+
+_STRIP = 36
+"""Height in pixels of the viewer's own title bar."""
+_WARM_UP = 4
+"""Pictures thrown away: panels fill over several frames after a jump, and the viewer greets with notifications."""
+_PATIENCE = 60.0
+
+
+def screenshot(
+    trace: Path | str,
+    png: Path | str,
+    at_cycle: int | None = None,
+    at_time: float | None = None,
+    size: tuple[int, int] = (1600, 1000),
+    panel: str | None = None,
+) -> list[str]:
+    """Draw a trace into a PNG file.
+
+    Args:
+        trace: a run's folder, or its `trace.rrd`.
+        png: where the picture goes.
+        at_cycle, at_time: the moment to show, as a cycle or in seconds of the world's clock; by default the end.
+        size: width and height in pixels, of the whole viewer.
+        panel: draw only the panel of this name.
+
+    Returns:
+        What the viewer's panels complain of, one line each; empty when all is well.
+
+    Raises:
+        InputError: there is no trace, the viewer cannot read it, or it has no such panel.
+        MissingError: there is no Vulkan driver to draw with.
+        ViewerError: the viewer did not start or failed.
+    """
+    path = trace_file(trace)
+    with headless_viewer((size[0], size[1] + _STRIP)) as viewer:
+        viewer.open([str(path)])
+        _settle(viewer, path)
+        _hide_menu(viewer)
+        if at_time is not None:
+            viewer.set_time("sim_time", duration=at_time, play_state="paused")
+        elif at_cycle is not None:
+            viewer.set_time("cycle", sequence=at_cycle, play_state="paused")
+        for _ in range(_WARM_UP):
+            viewer.take_screenshot(max_size=64)
+        state = viewer.get_state()
+        if panel is None:
+            picture = _without_strip(viewer.take_screenshot())
+        else:
+            panels = {each.name: each.view_id for each in state.views}
+            if panel not in panels:
+                raise InputError(f"no panel {panel!r}; it has {', '.join(sorted(panels))}", file=path)
+            picture = viewer.take_screenshot(panels[panel])
+    Path(png).write_bytes(picture)
+    return [f"{each.name}: {report.severity}: {report.summary}" for each in state.views for report in each.reports]
+
+
+def _settle(viewer: ViewerClient, path: Path) -> None:
+    """Wait until the whole file has been read."""
+    deadline = time.monotonic() + _PATIENCE
+    while True:
+        state = viewer.get_state()
+        if not state.loading and state.recordings:
+            return
+        if time.monotonic() > deadline:
+            raise InputError("the viewer cannot read it", file=path)
+        time.sleep(0.1)
+
+
+def _hide_menu(viewer: ViewerClient) -> None:
+    """Leave out the bar at the top, which tells of the machine that draws and not of the run."""
+    blueprint = viewer.get_blueprint().blueprint
+    viewer.set_blueprint({**blueprint, "/top_panel": {"PanelBlueprint": {"state": "Hidden"}}}, of="recording")
+
+
+def _without_strip(png: bytes) -> bytes:
+    from PIL import Image as Picture
+
+    buffer = io.BytesIO()
+    with Picture.open(io.BytesIO(png)) as picture:
+        picture.crop((0, _STRIP, picture.width, picture.height)).save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
