@@ -14,6 +14,7 @@ import contextlib
 import math
 import os
 import signal
+import subprocess
 import tempfile
 import threading
 import time
@@ -57,7 +58,8 @@ class FastDownwardPlanner:
     """Plans for one task from any of its states: the fewest steps where they can be found within half of the time
     limit, put into the order in which the problem file names the goals (`executive.ordering`).
 
-    The same state and goal give the same plan. Not to be called from two threads at once.
+    The same state and goal give the same plan, as long as the time limit does not come in between. Not to be called
+    from two threads at once.
     """
 
     def __init__(self, schema: Schema, *, timeout: float = 30.0) -> None:
@@ -160,42 +162,32 @@ class _Translation:
         if ENGINE not in self.environment.factory.engines:
             raise MissingError("Fast Downward is not installed", command="pip install up-fast-downward")
         self._expressions = self.environment.expression_manager
-        types: dict[str, Any] = {}
-        while len(types) < len(schema.typing.supertypes):
+        kinds = self.environment.type_manager
+        types: dict[str | None, Any] = {None: None}
+        while len(types) <= len(schema.typing.supertypes):
             for name, parent in schema.typing.supertypes.items():
-                if name not in types and (parent is None or parent in types):
-                    father = None if parent is None else types[parent]
-                    types[name] = self.environment.type_manager.UserType(f"t_{name}", father)
+                if name not in types and parent in types:
+                    types[name] = kinds.UserType(f"t_{name}", types[parent])
         bodies = {name: _body(schema, action) for name, action in schema.actions.items()}
-        constants = {term for body in bodies.values() for term in _constants(body)}
-        only = {
-            name: self.environment.type_manager.UserType(f"c_{name}", types[schema.typing.objects[name]])
-            for name in sorted(constants)
-        }
-        self._problem: Any = Problem(
-            "task", self.environment, initial_defaults={self.environment.type_manager.BoolType(): False}
-        )
+        constants = sorted({term for body in bodies.values() for term in _constants(body)})
+        only = {name: kinds.UserType(f"c_{name}", types[schema.typing.objects[name]]) for name in constants}
+        self._problem: Any = Problem("task", self.environment, initial_defaults={kinds.BoolType(): False})
         self._objects = {
             name: Object(f"o_{name}", only.get(name, types[kind]), self.environment)
             for name, kind in schema.typing.objects.items()
         }
         self._problem.add_objects(self._objects.values())
-        self._fluents = {
-            name: Fluent(
-                f"p_{name}",
-                self.environment.type_manager.BoolType(),
-                OrderedDict((f"v_{index}", types[kind]) for index, kind in enumerate(kinds)),
-                self.environment,
-            )
-            for name, kinds in schema.predicates.items()
-        }
+        self._fluents = {}
+        for name, parameters in schema.predicates.items():
+            signature = OrderedDict((f"v_{index}", types[kind]) for index, kind in enumerate(parameters))
+            self._fluents[name] = Fluent(f"p_{name}", kinds.BoolType(), signature, self.environment)
         for fluent in self._fluents.values():
             self._problem.add_fluent(fluent)
         self._arity = {name: len(action.parameters) for name, action in schema.actions.items()}
         for name, action in schema.actions.items():
-            parameters = [(variable, types[kind]) for variable, kind in action.parameters]
-            parameters += [(constant, only[constant]) for constant in _constants(bodies[name])]
-            self._problem.add_action(self._action(name, parameters, bodies[name]))
+            terms = [(variable, types[kind]) for variable, kind in action.parameters]
+            terms += [(constant, only[constant]) for constant in _constants(bodies[name])]
+            self._problem.add_action(self._action(name, terms, bodies[name]))
 
     def problem(self, true: Iterable[Atom], goals: Sequence[tuple[Atom, bool]]) -> Any:
         """The planning problem that starts where exactly the atoms in `true` are true."""
@@ -281,7 +273,9 @@ def _solve(environment: Any, problem: Any, search: _Search, seconds: float) -> t
         finally:
             over.set()
             guard.join()
-            _end(engine)  # still there only when an exception, such as Ctrl-C, came in between
+            if engine._process is not None:  # an exception, such as Ctrl-C, came in between
+                _end(engine._process)
+                engine._process.wait()
         return result, expired.is_set()
 
 
@@ -289,16 +283,16 @@ def _guard(engine: Any, seconds: float, over: threading.Event, expired: threadin
     """End the engine's processes when the time is up, and those that a dead engine left behind."""
     deadline = time.monotonic() + seconds
     while not over.wait(_TICK):
+        process = engine._process
         if time.monotonic() >= deadline:
             expired.set()
-            _end(engine)
-        elif engine._process is not None and engine._process.poll() is not None:
-            _end(engine)
+            _end(process)
+        elif process is not None and process.poll() is not None:
+            _end(process)
 
 
-def _end(engine: Any) -> None:
-    """Kill the engine's process group, of which the engine is the leader. There is nothing in it worth a farewell."""
-    process = engine._process
+def _end(process: subprocess.Popen[bytes] | None) -> None:
+    """Kill a process and the group that it leads. There is nothing in it worth a farewell."""
     if process is not None:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
