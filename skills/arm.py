@@ -46,7 +46,7 @@ class Arm:
     """Kinematics, collision model and motion planner of one handle; built once, used by all its skills."""
 
     def __init__(self, handle: Handle) -> None:
-        self.handle = handle
+        self.limits = handle.limits  # not the handle itself: it is the weak key under which the arm is kept
         self.kinematics = Kinematics(handle)
         self.collision = CollisionModel(handle)
         self.planner = MotionPlanner(handle.limits, self.collision.free)

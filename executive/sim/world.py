@@ -6,6 +6,7 @@ import heapq
 import io
 import itertools
 import os
+import weakref
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -83,14 +84,16 @@ class MujocoWorld:
         self._pads = [self.model.geom(name).id for name in scene.PADS]
         self._items = {item.name: self.model.joint(f"{item.name}/free").qposadr[0] for item in self.spec.items}
         self._reset(dict(placed or {}), file)
+        spec = self.spec
+        # The handle refers back weakly: a world holds a hundred megabytes, which go when its owner lets go of it.
         self.handle = Handle(
             limits=self._limits(),
             tables={table.name: table for table in self.spec.tables},
             shapes=self.shapes,
-            planning_spec=lambda: scene.build(self.spec, visuals=False),
+            planning_spec=lambda: scene.build(spec, visuals=False),
             control_period=self._steps * self.model.opt.timestep,
             home_pose=home_pose,
-            body=self,
+            body=weakref.proxy(self),
         )
 
     # The World seam.

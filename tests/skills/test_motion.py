@@ -29,7 +29,7 @@ def above(x: float, y: float, z: float) -> FloatArray:
 
 
 def reach(arm: Arm, target: FloatArray) -> FloatArray:
-    home = arm.handle.limits.home
+    home = arm.limits.home
     found = (arm.kinematics.solve(target, seed) for seed in arm.kinematics.seeds(target, home))
     return next(q for q in found if q is not None)
 
@@ -40,12 +40,12 @@ def test_what_ik_finds_is_where_forward_kinematics_says(arm: Arm, x: float, y: f
     target = above(x, y, 0.95)
     q = reach(arm, target)
     assert np.abs(arm.kinematics.forward(q) - target).max() < 4e-3
-    assert (q >= arm.handle.limits.lower).all()
-    assert (q <= arm.handle.limits.upper).all()
+    assert (q >= arm.limits.lower).all()
+    assert (q <= arm.limits.upper).all()
 
 
 def test_out_of_reach_has_no_configuration(arm: Arm) -> None:
-    assert arm.kinematics.solve(above(1.5, 0.0, 0.95), arm.handle.limits.home) is None
+    assert arm.kinematics.solve(above(1.5, 0.0, 0.95), arm.limits.home) is None
 
 
 def test_poses_and_matrices_are_inverses() -> None:
@@ -62,14 +62,14 @@ def test_poses_and_matrices_are_inverses() -> None:
 def test_table_items_and_own_links_are_in_the_way(arm: Arm) -> None:
     world = grocery(seed=3)
     arm.collision.update(world.obstacles(), world.gripper_joints())
-    assert arm.collision.free(arm.handle.limits.home)
+    assert arm.collision.free(arm.limits.home)
     assert not arm.collision.free(reach(arm, above(0.45, 0.0, 0.79)))  # fingers in the table
     can = world.obstacles()["soda-can"]
     inside = reach(arm, above(can[0] + 0.055, can[1], can[2]))  # one finger in the can
     assert not arm.collision.free(inside)
     arm.collision.update(world.obstacles(), world.gripper_joints(), ignored=["soda-can"])
     assert ("soda-can" in str(arm.collision.touching(inside))) is False
-    folded = arm.handle.limits.home.copy()
+    folded = arm.limits.home.copy()
     folded[2] = 2.9
     assert not arm.collision.free(folded)
 
@@ -83,7 +83,7 @@ def test_held_item_is_part_of_the_robot(arm: Arm) -> None:
     assert arm.collision.free(q)
     arm.collision.update(world.obstacles(), world.gripper_joints(), Held("water-bottle", hanging), ITEMS)
     assert not arm.collision.free(q)  # its bottom is in the table
-    assert arm.collision.free(arm.handle.limits.home)
+    assert arm.collision.free(arm.limits.home)
 
 
 def test_motion_avoids_what_is_in_the_way_and_repeats_by_seed(arm: Arm) -> None:
@@ -114,13 +114,13 @@ def test_no_motion_into_the_table(arm: Arm) -> None:
     world = grocery(seed=3)
     arm.collision.update(world.obstacles(), world.gripper_joints())
     inside = reach(arm, above(0.45, 0.0, 0.78))
-    assert arm.planner.plan(arm.handle.limits.home, [inside], seed=1, iterations=50) is None
+    assert arm.planner.plan(arm.limits.home, [inside], seed=1, iterations=50) is None
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.4])
 @pytest.mark.parametrize("seed", range(4))
 def test_trajectories_keep_the_limits_and_rest_at_both_ends(arm: Arm, seed: int, speed: float) -> None:
-    limits = arm.handle.limits
+    limits = arm.limits
     path = limits.home + np.cumsum(np.random.default_rng(seed).normal(0, 0.4, (2 + seed, 6)), axis=0)
     course = trajectory.timed(path, limits, speed)
     assert np.allclose(course.position(0.0), path[0], atol=1e-6)
@@ -135,7 +135,7 @@ def test_trajectories_keep_the_limits_and_rest_at_both_ends(arm: Arm, seed: int,
 
 
 def test_slow_timing_keeps_the_limits_too(arm: Arm) -> None:
-    limits = arm.handle.limits
+    limits = arm.limits
     points = limits.home + np.cumsum(np.random.default_rng(1).normal(0, 0.05, (30, 6)), axis=0)
     grid = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     course = trajectory._slow(points, grid, limits, 1.0)
@@ -145,7 +145,7 @@ def test_slow_timing_keeps_the_limits_too(arm: Arm) -> None:
 
 
 def test_a_path_that_goes_nowhere_takes_no_time(arm: Arm) -> None:
-    home = arm.handle.limits.home
-    course = trajectory.timed(np.stack([home, home]), arm.handle.limits)
+    home = arm.limits.home
+    course = trajectory.timed(np.stack([home, home]), arm.limits)
     assert course.seconds == 0.0
     assert np.array_equal(course.position(0.0), home)
