@@ -180,7 +180,8 @@ class Task:
 
     `objects` maps each object to its type, `atoms` are all grounded boolean fluents, `goal` is signed. `declared` are
     the atoms that the problem file's :init names; they set the stage (a simulator places items accordingly), and the
-    robot is not told.
+    robot is not told. `parameters` maps each predicate to the names of its parameters; `numeric` are the names of the
+    numeric fluents, which have no atoms and are not estimated.
     """
 
     name: str
@@ -189,6 +190,8 @@ class Task:
     atoms: tuple[Atom, ...]
     goal: Facts
     declared: frozenset[Atom] = frozenset()
+    parameters: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    numeric: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         unknown = set(self.goal) - set(self.atoms)
@@ -217,18 +220,62 @@ class Observation:
 
 
 @dataclass(frozen=True, slots=True)
+class Questions:
+    """What a model is asked of each atom, so completely that an outsider can ask the same again.
+
+    `text` maps an atom to one line; `system` is the prompt that goes before, `answers` are the two words that the model
+    is to choose from, the one for true first. `translator` is who worded the questions, and `warnings` say where that
+    went wrong and what was asked instead. An atom that is not in `text` is not asked about.
+    """
+
+    text: Mapping[Atom, str]
+    system: str
+    translator: str
+    answers: tuple[str, ...] = ("yes", "no")
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.answers) != 2 or len({word.lower() for word in self.answers}) != 2:
+            raise ValueError(f"expected two different answers, got {self.answers!r}")
+        for atom, text in self.text.items():
+            if not text.strip() or not text.isprintable():
+                raise ValueError(f"{atom}: {text!r} is not a line of text")
+        ordered = {atom: self.text[atom] for atom in sorted(self.text)}
+        object.__setattr__(self, "text", MappingProxyType(ordered))
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What one answer about one atom rests on: the pictures of `cameras`, shown together, and the probability mass that
+    the model's next word put on either answer. What is left of 1 went elsewhere. `error` says why there is no answer.
+    """
+
+    cameras: tuple[str, ...]
+    yes_mass: float
+    no_mass: float
+    error: str = ""
+
+    @property
+    def elsewhere(self) -> float:
+        """The mass on neither answer."""
+        return max(0.0, 1.0 - self.yes_mass - self.no_mass)
+
+
+@dataclass(frozen=True, slots=True)
 class Belief:
     """For each atom the probability that it is true, after one look.
 
     Evidence is stored, decisions are derived: `truth` thresholds on demand. An atom that was asked about and not
     answered is in `unanswered` and has no probability; its truth is None, and None is never True.
-    `source` names who believes this (an estimator, or "assumed" for a blind executive).
+    `source` names who believes this (an estimator, or "assumed" for a blind executive). `evidence` is what the
+    probabilities were made from, where the estimator has such: several answers where each camera was asked on its own.
     """
 
     observation_id: int
     probability: Mapping[Atom, float]
     unanswered: frozenset[Atom] = frozenset()
     source: str = ""
+    evidence: Mapping[Atom, tuple[Evidence, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for atom, value in self.probability.items():
@@ -239,6 +286,7 @@ class Belief:
             raise ValueError(f"{', '.join(map(str, sorted(both)))}: both answered and unanswered")
         ordered = {atom: float(self.probability[atom]) for atom in sorted(self.probability)}
         object.__setattr__(self, "probability", MappingProxyType(ordered))
+        object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
 
     @classmethod
     def certain(cls, facts: Mapping[Atom, bool], observation_id: int = -1, source: str = "assumed") -> Belief:
@@ -483,6 +531,7 @@ class Ended:
 
 Payload: TypeAlias = (
     Started
+    | Questions
     | Scenery
     | Observation
     | Belief
