@@ -49,9 +49,9 @@ _SEARCHES = (
 )
 """First the shortest plan; where that takes too long, any plan. Both searches are complete and deterministic."""
 
-_FENCE = 'cd "$1" && ulimit -t "$2" && shift 2 && PYTHONHASHSEED=0 exec "$@"'
-"""Runs the engine in a directory of its own, with the same hash seed each time (the translator iterates over sets),
-and with a limit on CPU seconds that ends it even where this process was killed and can end nothing any more."""
+_FENCE = 'cd "$1" && ulimit -t "$2" && shift 2 && exec "$@"'
+"""Runs the engine in a directory of its own, and with a limit on CPU seconds that ends it even where this process was
+killed and can end nothing any more."""
 
 
 class FastDownwardPlanner:
