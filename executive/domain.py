@@ -145,7 +145,9 @@ def _locate(where: str | Path) -> Path:
         raise DomainError(f"there is no {MANIFEST} in this folder", file=folder)
     if folder.exists():
         raise DomainError(f"is not a folder; a domain is a folder with a {MANIFEST}", file=folder)
-    raise DomainError(f"no such folder, nor a shipped domain of that name; {nearest(str(where), shipped)}", file=folder)
+    raise DomainError(
+        f"no such folder, nor a shipped domain of that name; {nearest(folder.name, shipped)}", file=folder
+    )
 
 
 def _problem(folder: Path, problem: str) -> Path:
