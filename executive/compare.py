@@ -44,11 +44,15 @@ def regress(steps: Sequence[Step], goal: Facts) -> Facts | None:
 def remaining(steps: Sequence[Step], state: Facts, goal: Facts) -> tuple[int, ...] | None:
     """Which of `steps` (positions, in order) are still to be done to get from the complete `state` to `goal`.
 
-    Left out are steps that cannot be done or that nothing needs any more (greedy action elimination, Nakhost and
-    Mueller 2010). None when what is left does not reach the goal: then a new plan is called for.
+    Left out are steps that cannot be done or that nothing needs any more: first those before the earliest position
+    from which the plan goes through, then one by one (greedy action elimination, Nakhost and Mueller 2010). None when
+    what is left does not reach the goal: then a new plan is called for.
     """
-    kept, reached = _executed(steps, range(len(steps)), state, goal)
-    if not reached:
+    for start in range(len(steps) + 1):
+        kept, reached = _executed(steps, range(start, len(steps)), state, goal)
+        if reached:
+            break
+    else:
         return None
     position = 0
     while position < len(kept):
