@@ -127,6 +127,7 @@ def run(
     machine.require()
 
     from executive import assemble
+    from executive.trace.report import print_summary
     from executive.trace.terminal import TerminalSink
 
     config = assemble.RunConfig(
@@ -143,9 +144,11 @@ def run(
         name=name,
         viewer=viewer,
     )
-    sinks = [] if quiet else [TerminalSink(sys.stderr if as_json else sys.stdout)]
-    with assemble.Run(config, sinks) as prepared, _ctrl_c(prepared.cancel):
+    stream = sys.stderr if as_json else sys.stdout
+    with assemble.Run(config, [] if quiet else [TerminalSink(stream)]) as prepared, _ctrl_c(prepared.cancel):
         summary = prepared.execute()
+    if not quiet:
+        print_summary(summary, prepared.folder, stream)
     if as_json:
         print(json.dumps(summary, indent=2))
     codes = {OutcomeKind.GOAL_REACHED: REACHED, OutcomeKind.INTERRUPTED: INTERRUPTED}

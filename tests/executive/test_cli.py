@@ -1,0 +1,299 @@
+"""The command line: options in, exit codes out, and one line for whatever goes wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from importlib.metadata import entry_points, version
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executive import __version__, assemble, cli, machine
+from executive.domain import list_domains
+from executive.errors import DomainError, InputError, MissingError
+from executive.protocols import Sink
+from executive.trace.report import STAGES, Summary
+from executive.types import OutcomeKind
+
+
+class FakeRun:
+    """In place of `assemble.Run`: keeps what it was given, and does in `execute` what the test wants."""
+
+    last: FakeRun
+
+    def __init__(self, config: assemble.RunConfig, sinks: Sequence[Sink] = ()) -> None:
+        FakeRun.last = self
+        self.config, self.sinks, self.closed, self.cancelled = config, sinks, False, 0
+        self.folder = Path("runs/r")
+
+    meanwhile: Callable[[FakeRun], OutcomeKind] = staticmethod(lambda run: OutcomeKind.GOAL_REACHED)
+
+    def __enter__(self) -> FakeRun:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.closed = True
+
+    def cancel(self) -> None:
+        self.cancelled += 1
+
+    def execute(self) -> Summary:
+        return summary(type(self).meanwhile(self))
+
+
+def summary(outcome: OutcomeKind) -> Summary:
+    return Summary(
+        run="r",
+        domain="grocery",
+        problem="one-item",
+        seed=0,
+        estimator="oracle",
+        outcome=str(outcome),
+        goal_seen=True,
+        goal_true=True,
+        unreached=[],
+        cycles=2,
+        actions=2,
+        replans=0,
+        looks=3,
+        faults=[],
+        sim_seconds=8.4,
+        wall_seconds={"total": 2.0, **dict.fromkeys(STAGES, 0.3)},
+    )
+
+
+@pytest.fixture
+def during(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[FakeRun], OutcomeKind]], None]:
+    """Have `executive run` run a `FakeRun`, and say what happens during it."""
+
+    def fake(meanwhile: Callable[[FakeRun], OutcomeKind]) -> None:
+        monkeypatch.setattr(assemble, "Run", FakeRun)
+        monkeypatch.setattr(FakeRun, "meanwhile", staticmethod(meanwhile))
+
+    return fake
+
+
+def ends(outcome: OutcomeKind) -> Callable[[FakeRun], OutcomeKind]:
+    return lambda run: outcome
+
+
+def fails(error: BaseException) -> Callable[[FakeRun], OutcomeKind]:
+    def fail(run: FakeRun) -> OutcomeKind:
+        raise error
+
+    return fail
+
+
+def one_error_line(capsys: pytest.CaptureFixture[str]) -> str:
+    """What stderr says, which is one line that begins with `error: `; stdout says nothing."""
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert err.startswith("error: ")
+    return err.removeprefix("error: ").rstrip("\n")
+
+
+@pytest.mark.parametrize("outcome", OutcomeKind)
+def test_the_outcome_is_the_exit_code(outcome: OutcomeKind, during: Any) -> None:
+    during(ends(outcome))
+    expected = {OutcomeKind.GOAL_REACHED: 0, OutcomeKind.INTERRUPTED: 130}.get(outcome, 1)
+    assert cli.exit_code(["run", "grocery", "--quiet"]) == expected
+    assert FakeRun.last.closed
+
+
+def test_main_leaves_with_the_exit_code(during: Any) -> None:
+    during(ends(OutcomeKind.PARTIAL))
+    with pytest.raises(SystemExit) as left:
+        cli.main(["run", "grocery", "--quiet"])
+    assert left.value.code == 1
+
+
+def test_every_option_reaches_the_configuration(during: Any, tmp_path: Path) -> None:
+    during(ends(OutcomeKind.GOAL_REACHED))
+    line = (
+        "run grocery --problem breakfast --seed 3 --estimator none --fault drop@4 --fault miss@1 --no-home-pose "
+        f"--grasp-noise 0.01 --max-replans 2 --max-actions 9 --runs {tmp_path} --name x --no-trace-viewer --quiet"
+    )
+    assert cli.exit_code(shlex.split(line)) == 0
+    assert FakeRun.last.config == assemble.RunConfig(
+        domain="grocery",
+        problem="breakfast",
+        seed=3,
+        estimator="none",
+        faults=("drop@4", "miss@1"),
+        home_pose=False,
+        grasp_noise=0.01,
+        max_replans=2,
+        max_actions=9,
+        runs=tmp_path,
+        name="x",
+        viewer=False,
+    )
+
+
+def test_defaults_are_those_of_the_library(during: Any) -> None:
+    during(ends(OutcomeKind.GOAL_REACHED))
+    assert cli.exit_code(["run", "grocery", "--quiet"]) == 0
+    assert FakeRun.last.config == assemble.RunConfig(domain="grocery")
+
+
+def test_json_is_all_of_stdout(during: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    during(ends(OutcomeKind.PARTIAL))
+    assert cli.exit_code(["run", "grocery", "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert json.loads(out) == summary(OutcomeKind.PARTIAL)
+    assert "executive inspect runs/r" in err
+    assert len(FakeRun.last.sinks) == 1
+
+
+def test_a_run_ends_with_the_command_that_inspects_it(during: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    during(ends(OutcomeKind.GOAL_REACHED))
+    cli.exit_code(["run", "grocery"])
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1].endswith("executive inspect runs/r")
+    assert err == ""
+
+
+def test_quiet_says_nothing(during: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    during(ends(OutcomeKind.GAVE_UP))
+    cli.exit_code(["run", "grocery", "--quiet"])
+    assert capsys.readouterr() == ("", "")
+    assert FakeRun.last.sinks == []
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (InputError("no such estimator", key="--estimator"), 2),
+        (DomainError("no body\n  for the lemon", file="scene.toml", key="items"), 2),
+        (MissingError("no EGL", command="apt-get install -y libegl1"), 3),
+    ],
+)
+def test_errors_are_one_line(error: Exception, code: int, during: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    during(fails(error))
+    assert cli.exit_code(["run", "grocery", "--quiet"]) == code
+    assert one_error_line(capsys) == " ".join(str(error).split())
+
+
+def test_a_bug_is_one_line_that_names_the_way_to_its_traceback(during: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    during(fails(ZeroDivisionError("a\nb")))
+    assert cli.exit_code(["run", "my domain", "--quiet"]) == 70
+    message = one_error_line(capsys)
+    assert "ZeroDivisionError: a b" in message
+    assert message.endswith("executive --debug run 'my domain' --quiet")
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError(), InputError("x")])
+def test_debug_lets_errors_through(error: Exception, during: Any) -> None:
+    during(fails(error))
+    with pytest.raises(type(error)):
+        cli.exit_code(["--debug", "run", "grocery", "--quiet"])
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("nonsense", "'nonsense'"),
+        ("--nonsense", "--nonsense"),
+        ("run", "executive run --help"),
+        ("run grocery --nonsense", "--nonsense"),
+        ("run grocery --seed x", "--seed"),
+        ("run grocery --seed -1", "--seed"),
+        ("run grocery --grasp-noise -1", "--grasp-noise"),
+        ("run grocery --max-actions 0", "--max-actions"),
+        ("run grocery extra", "extra"),
+    ],
+)
+def test_wrong_usage_is_bad_input(line: str, says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.exit_code(line.split()) == 2
+    assert says in one_error_line(capsys)
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("run no-such-domain", "no-such-domain"),
+        ("run grocery --problem brekfast", "'breakfast'"),
+        ("run grocery --estimator orcale", "'oracle'"),
+        ("run grocery --fault drip@4", "drop"),
+        ("run grocery --name ../x", "--name"),
+    ],
+)
+def test_bad_input_is_told_by_the_real_parts(line: str, says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.exit_code([*line.split(), "--quiet"]) == 2
+    assert says in one_error_line(capsys)
+
+
+def test_what_the_machine_lacks_is_told_before_anything_else(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(machine, "check", lambda: [machine.Missing("no graphics", "apt-get install -y graphics")])
+    assert cli.exit_code(["run", "no-such-domain"]) == 3
+    assert one_error_line(capsys) == "no graphics; install it with: apt-get install -y graphics"
+
+
+def test_ctrl_c_cancels_the_run(during: Any) -> None:
+    def interrupted_once(run: FakeRun) -> OutcomeKind:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert run.cancelled == 1
+        return OutcomeKind.INTERRUPTED
+
+    before = signal.getsignal(signal.SIGINT)
+    during(interrupted_once)
+    assert cli.exit_code(["run", "grocery", "--quiet"]) == 130
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_second_ctrl_c_leaves_at_once(during: Any) -> None:
+    def interrupted_twice(run: FakeRun) -> OutcomeKind:
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+        raise AssertionError("still here")
+
+    during(interrupted_twice)
+    assert cli.exit_code(["run", "grocery", "--quiet"]) == 130
+    assert (FakeRun.last.cancelled, FakeRun.last.closed) == (1, True)
+
+
+def test_shipped_domains_are_listed_as_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.exit_code(["domains"]) == 0
+    out = capsys.readouterr().out
+    for name in list_domains():
+        assert f"executive run {name} " in out
+    assert "executive run grocery --problem breakfast\n" in out
+
+
+def test_without_arguments_it_helps(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.exit_code([]) == 0
+    assert "Usage: executive" in capsys.readouterr().out
+
+
+def executive(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "executive", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, **options)
+
+
+def test_the_module_is_the_command() -> None:
+    (script,) = (point for point in entry_points(group="console_scripts", name="executive"))
+    assert script.load() is cli.main
+    run = executive("--version")
+    assert (run.returncode, run.stdout, run.stderr) == (0, f"executive {__version__}\n", "")
+    assert version("executive") == __version__
+
+
+def test_it_works_from_any_folder(tmp_path: Path) -> None:
+    run = executive("domains", cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (0, "")
+
+
+def test_a_reader_that_has_seen_enough_is_no_error() -> None:
+    command = shlex.join([sys.executable, "-m", "executive", "domains"])
+    run = subprocess.run(f"{command} | true", shell=True, capture_output=True, text=True, check=False, timeout=120)
+    assert run.stderr == ""
