@@ -1,0 +1,332 @@
+"""Vision-language checkpoints small enough for a test: real architectures, random weights, a tokenizer made here.
+
+No model hub is asked for anything. A checkpoint is a folder as a hub would hold it (config.json, model.safetensors,
+tokenizer, processor, chat template) and is loaded in the same way. The weights are drawn larger than for training, so
+that pictures and questions matter: an answer that depended on neither would let every wrong prefix pass.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+FAMILIES = ("llava-onevision", "smolvlm", "qwen2.5-vl", "fastvlm")
+"""What `build` knows, by the names that people call them."""
+
+ANSWERS = ("yes", "no", "true", "false")
+
+_SENTENCES = (
+    "Is the milk carton on the wooden table?",
+    "Is the lemon on the black table? Is the soda can on the white table?",
+    "Is the robot gripper holding the bread loaf? Is the gripper of the robot empty?",
+    "Are the cereal box and the water bottle on the floor?",
+    "A curious human is asking an artificial intelligence assistant yes or no questions.",
+    "The assistant answers with one of three responses: YES or NO.",
+    "The assistant's response should not include any additional text.",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """How large a model is. `picture` is the side in pixels that its vision tower takes, `patch` that of one patch."""
+
+    width: int = 64
+    layers: int = 3
+    heads: int = 4
+    inner: int = 96
+    vision_width: int = 32
+    vision_layers: int = 2
+    picture: int = 56
+    patch: int = 14
+
+
+TINY = Size()
+
+
+def build(
+    family: str,
+    folder: Path,
+    *,
+    seed: int = 0,
+    size: Size = TINY,
+    template: str | None = None,
+    begin: bool = False,
+    splitting: bool = False,
+) -> Path:
+    """Write a checkpoint of a family into `folder`, and return it.
+
+    Args:
+        seed: of the weights; everything else is the same every time.
+        template: a chat template (Jinja) instead of the family's own; "" for none at all.
+        begin: whether the tokenizer puts a token at the beginning of every text, as Llama's and Gemma's do.
+        splitting: whether a picture is also taken in parts (SmolVLM alone).
+    """
+    import torch
+
+    maker = _MAKERS[family]
+    folder.mkdir(parents=True, exist_ok=True)
+    tokenizer = _tokenizer(begin)
+    made = maker(tokenizer, size, splitting)
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        model = made.model()
+        draw_weights(model, [tokenizer.convert_tokens_to_ids(token) for token in _answer_tokens()])
+    model.save_pretrained(folder)
+    tokenizer.save_pretrained(folder)
+    made.image_processor.save_pretrained(folder)
+    (folder / "processor_config.json").write_text(json.dumps(made.processor, indent=2), "utf-8")
+    text = _template(made.picture) if template is None else template
+    if text:
+        (folder / "chat_template.jinja").write_text(text, "utf-8")
+    return folder
+
+
+def draw_weights(model: Any, answers: list[int]) -> None:
+    """Random weights of about the size at which a signal keeps its own; the output rows of the answers' tokens are
+    larger, so that a good part of the probability goes to them."""
+    import torch
+
+    with torch.no_grad():
+        for name, weight in model.named_parameters():
+            if weight.ndim >= 2 and "embed" not in name:
+                weight.normal_(0.0, 1.0 / math.sqrt(math.prod(weight.shape[1:])))
+            elif weight.ndim >= 2:
+                weight.normal_(0.0, 0.5)
+        model.get_output_embeddings().weight[answers] *= 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """A family's parts: what makes the model, what prepares pictures, what processor_config.json says, and what the
+    chat template writes where a picture goes."""
+
+    model: Callable[[], Any]
+    image_processor: Any
+    processor: Mapping[str, Any]
+    picture: str = "<image>"
+
+
+def _llava_onevision(tokenizer: Any, size: Size, splitting: bool) -> _Made:
+    from transformers import (
+        LlavaOnevisionConfig,
+        LlavaOnevisionForConditionalGeneration,
+        LlavaOnevisionImageProcessorPil,
+        SiglipVisionConfig,
+    )
+
+    side = size.picture
+    grid = [[side, side], [side, 2 * side], [2 * side, side], [2 * side, 2 * side]]
+    vision = SiglipVisionConfig(**_vision(size), image_size=side, patch_size=size.patch, vision_use_head=False)
+    config = LlavaOnevisionConfig(
+        vision_config=vision.to_dict(),
+        text_config={"model_type": "qwen2", **_language(tokenizer, size)},
+        image_token_index=tokenizer.convert_tokens_to_ids("<image>"),
+        video_token_index=tokenizer.convert_tokens_to_ids("<video>"),
+        image_grid_pinpoints=grid,
+    )
+    return _Made(
+        lambda: LlavaOnevisionForConditionalGeneration(config),
+        LlavaOnevisionImageProcessorPil(size={"height": side, "width": side}, image_grid_pinpoints=grid),
+        {
+            "processor_class": "LlavaOnevisionProcessor",
+            "num_image_tokens": (side // size.patch) ** 2,
+            "vision_feature_select_strategy": "full",
+            "image_token": "<image>",
+            "video_token": "<video>",
+        },
+    )
+
+
+def _smolvlm(tokenizer: Any, size: Size, splitting: bool) -> _Made:
+    from transformers import SmolVLMConfig, SmolVLMForConditionalGeneration, SmolVLMImageProcessorPil
+
+    side = size.picture
+    config = SmolVLMConfig(
+        vision_config={**_vision(size), "image_size": side, "patch_size": size.patch},
+        text_config={"model_type": "llama", "rms_norm_eps": 1e-5, **_language(tokenizer, size)},
+        image_token_id=tokenizer.convert_tokens_to_ids("<image>"),
+        scale_factor=2,
+    )
+    prepare = SmolVLMImageProcessorPil(
+        size={"longest_edge": 2 * side}, max_image_size={"longest_edge": side}, do_image_splitting=splitting
+    )
+    processor = {"processor_class": "SmolVLMProcessor", "image_seq_len": (side // size.patch // 2) ** 2}
+    return _Made(lambda: SmolVLMForConditionalGeneration(config), prepare, processor)
+
+
+def _qwen(tokenizer: Any, size: Size, splitting: bool) -> _Made:
+    from transformers import Qwen2_5_VLConfig, Qwen2_5_VLForConditionalGeneration, Qwen2VLImageProcessorPil
+
+    names = ("image_token_id", "<image>"), ("video_token_id", "<video>")
+    names += ("vision_start_token_id", "<|vision_start|>"), ("vision_end_token_id", "<|vision_end|>")
+    sections = size.width // size.heads // 2
+    config = Qwen2_5_VLConfig(
+        vision_config={
+            "depth": size.vision_layers,
+            "hidden_size": size.vision_width,
+            "intermediate_size": 2 * size.vision_width,
+            "num_heads": 2,
+            "patch_size": size.patch,
+            "window_size": 4 * size.patch,
+            "out_hidden_size": size.width,
+            "fullatt_block_indexes": [size.vision_layers - 1],
+        },
+        text_config={
+            **_language(tokenizer, size),
+            "rope_parameters": {
+                "rope_type": "default",
+                "rope_theta": 10_000.0,
+                "mrope_section": [sections - 2 * (sections // 3), sections // 3, sections // 3],
+            },
+        },
+        **{key: tokenizer.convert_tokens_to_ids(token) for key, token in names},
+    )
+    pixels = size.picture**2
+    prepare = Qwen2VLImageProcessorPil(
+        patch_size=size.patch, merge_size=2, size={"shortest_edge": pixels // 4, "longest_edge": 2 * pixels}
+    )
+    return _Made(
+        lambda: Qwen2_5_VLForConditionalGeneration(config),
+        prepare,
+        {"processor_class": "Qwen2_5_VLProcessor"},
+        "<|vision_start|><image><|vision_end|>",
+    )
+
+
+def _fastvlm(tokenizer: Any, size: Size, splitting: bool) -> _Made:
+    from transformers import CLIPImageProcessorPil, FastVlmConfig, FastVlmForConditionalGeneration
+
+    side, width = size.picture, size.vision_width
+    stride = 16  # of a ResNet with a stem (4) and three stages, the last two of which halve
+    side = side // stride * stride
+    config = FastVlmConfig(
+        vision_config={
+            "model_type": "resnet",
+            "hidden_size": width,
+            "hidden_sizes": [width, width, width],
+            "depths": [1, 1, 1],
+            "embedding_size": width,
+            "layer_type": "basic",
+        },
+        text_config={"model_type": "qwen2", **_language(tokenizer, size)},
+        image_token_index=tokenizer.convert_tokens_to_ids("<image>"),
+    )
+    return _Made(
+        lambda: FastVlmForConditionalGeneration(config),
+        CLIPImageProcessorPil(size={"height": side, "width": side}, do_center_crop=False),
+        {
+            "processor_class": "LlavaProcessor",
+            "patch_size": stride,
+            "vision_feature_select_strategy": "full",
+            "image_token": "<image>",
+            "num_additional_image_tokens": 0,
+        },
+    )
+
+
+_MAKERS: dict[str, Callable[[Any, Size, bool], _Made]] = {
+    "llava-onevision": _llava_onevision,
+    "smolvlm": _smolvlm,
+    "qwen2.5-vl": _qwen,
+    "fastvlm": _fastvlm,
+}
+
+
+def _vision(size: Size) -> dict[str, Any]:
+    return {
+        "hidden_size": size.vision_width,
+        "intermediate_size": 2 * size.vision_width,
+        "num_hidden_layers": size.vision_layers,
+        "num_attention_heads": 2,
+    }
+
+
+def _language(tokenizer: Any, size: Size) -> dict[str, Any]:
+    return {
+        "vocab_size": len(tokenizer) + 3,  # real checkpoints pad their embeddings, too
+        "hidden_size": size.width,
+        "intermediate_size": size.inner,
+        "num_hidden_layers": size.layers,
+        "num_attention_heads": size.heads,
+        "num_key_value_heads": size.heads // 2,
+        "max_position_embeddings": 4096,
+        "bos_token_id": None,
+        "eos_token_id": tokenizer.convert_tokens_to_ids("<|im_end|>"),
+        "pad_token_id": tokenizer.convert_tokens_to_ids("<|endoftext|>"),
+        "tie_word_embeddings": False,
+    }
+
+
+_SPECIAL = (
+    "<|endoftext|>",
+    "<|im_start|>",
+    "<|im_end|>",
+    "<image>",
+    "<video>",
+    "<|vision_start|>",
+    "<|vision_end|>",
+    "<fake_token_around_image>",
+    "<global-img>",
+    *(f"<row_{row}_col_{column}>" for row in range(1, 4) for column in range(1, 4)),
+)
+
+
+def _tokenizer(begin: bool) -> Any:
+    """A byte-level BPE tokenizer (as of GPT-2, Qwen, SmolVLM), trained on a few sentences, for which every surface
+    form of an answer is a token of its own."""
+    from tokenizers import Tokenizer, decoders, models, pre_tokenizers, processors, trainers
+    from transformers import PreTrainedTokenizerFast
+
+    inner = Tokenizer(models.BPE())
+    inner.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
+    inner.decoder = decoders.ByteLevel()
+    trainer = trainers.BpeTrainer(
+        vocab_size=700,
+        special_tokens=list(_SPECIAL),
+        initial_alphabet=pre_tokenizers.ByteLevel.alphabet(),
+        show_progress=False,
+    )
+    forms = [
+        space + form for word in ANSWERS for form in (word, word.capitalize(), word.upper()) for space in ("", " ")
+    ]
+    inner.train_from_iterator([*_SENTENCES, *forms * 20], trainer)
+    if begin:
+        begins = inner.token_to_id("<|endoftext|>")
+        inner.post_processor = processors.TemplateProcessing(
+            single="<|endoftext|> $A", special_tokens=[("<|endoftext|>", begins)]
+        )
+    return PreTrainedTokenizerFast(
+        tokenizer_object=inner,
+        bos_token="<|endoftext|>" if begin else None,
+        eos_token="<|im_end|>",
+        pad_token="<|endoftext|>",
+        padding_side="left",
+        extra_special_tokens={
+            "image_token": "<image>",
+            "video_token": "<video>",
+            "fake_image_token": "<fake_token_around_image>",
+            "global_image_token": "<global-img>",
+            "end_of_utterance_token": "<|im_end|>",
+        },
+    )
+
+
+def _answer_tokens() -> list[str]:
+    forms = [form for word in ANSWERS for form in (word, word.capitalize(), word.upper())]
+    return [space + form for form in forms for space in ("", "\u0120")]  # as byte-level BPE writes a space
+
+
+def _template(picture: str) -> str:
+    """Turns between <|im_start|> and <|im_end|>, as in ChatML."""
+    return (
+        "{% for message in messages %}<|im_start|>{{ message['role'] }}\n"
+        "{% if message['content'] is string %}{{ message['content'] }}{% else %}"
+        "{% for part in message['content'] %}"
+        "{% if part['type'] == 'image' %}" + picture + "{% else %}{{ part['text'] }}{% endif %}"
+        "{% endfor %}{% endif %}<|im_end|>\n{% endfor %}"
+        "{% if add_generation_prompt %}<|im_start|>assistant\n{% endif %}"
+    )
