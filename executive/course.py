@@ -156,7 +156,7 @@ class Course:
         return Ended(
             decision.outcome,
             decision.reason,
-            goal_seen=reached and compare(goal, self.moment.last).satisfied,
+            goal_seen=reached and bool(self.moment.looks) and self.moment.last.entails(goal),
             unreached=goal.without(compare(goal, self.known.facts).holds).literals(),
             cycles=self.cycle,
             actions=self.actions,

@@ -1,0 +1,320 @@
+"""What every part keeps to, real or fake: one class of checks for each seam.
+
+A test of a part derives from the class of its seam and says how such a part is made:
+
+    class TestFakeWorld(WorldContract):
+        def make(self) -> World: ...
+
+Whatever passes can take its place in the loop.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from executive.compare import compare, progress
+from executive.errors import InputError
+from executive.protocols import Estimator, Planner, Sink, Skill, SkillContext, World
+from executive.types import (
+    Atom,
+    Belief,
+    Compared,
+    Decision,
+    DecisionKind,
+    Dispatched,
+    Ended,
+    Event,
+    Evidence,
+    Facts,
+    FaultInjected,
+    Frame,
+    Motion,
+    NoPlan,
+    NoPlanReason,
+    Observation,
+    OutcomeKind,
+    Payload,
+    Phase,
+    Plan,
+    Questions,
+    Revised,
+    Scenery,
+    SkillResult,
+    SkillStatus,
+    Started,
+    Step,
+    Task,
+    Timing,
+    Verdict,
+)
+
+PHASES = frozenset({"plan", "approach", "grip", "lift", "transfer", "lower", "release", "retreat", "home"})
+"""What the phases of picking and placing are called; faults and viewers go by these names."""
+
+
+class PlannerContract(ABC):
+    """Plans are executable and reach the goal; the absence of one is a value that says why."""
+
+    @abstractmethod
+    def make(self) -> Planner: ...
+
+    @abstractmethod
+    def solvable(self) -> tuple[Facts, Facts]:
+        """A complete state and a goal that takes at least one step."""
+
+    @abstractmethod
+    def unsolvable(self) -> tuple[Facts, Facts]:
+        """A complete state and a goal that no plan reaches."""
+
+    def test_a_plan_replayed_through_compare_holds(self) -> None:
+        state, goal = self.solvable()
+        plan = self.make().plan(state, goal)
+        assert isinstance(plan, Plan)
+        assert plan.steps
+        assert plan.planner
+        assert plan.seconds >= 0.0
+        for step in plan.steps:
+            assert compare(step.preconditions, state).satisfied, f"{step} cannot be done"
+            state = progress(state, step)
+        assert compare(goal, state).satisfied
+
+    def test_a_goal_that_holds_takes_an_empty_plan(self) -> None:
+        state, goal = self.solvable()
+        planner = self.make()
+        plan = planner.plan(state, goal)
+        assert isinstance(plan, Plan)
+        for step in plan.steps:
+            state = progress(state, step)
+        again = planner.plan(state, goal)
+        assert isinstance(again, Plan)
+        assert again.steps == ()
+
+    def test_what_is_not_mentioned_is_false(self) -> None:
+        state, goal = self.solvable()
+        planner = self.make()
+        told_all, told_true = planner.plan(state, goal), planner.plan(state.only(state.true), goal)
+        assert isinstance(told_all, Plan)
+        assert isinstance(told_true, Plan)
+        assert told_all.steps == told_true.steps
+
+    def test_no_plan_is_a_value_with_its_reason(self) -> None:
+        answer = self.make().plan(*self.unsolvable())
+        assert isinstance(answer, NoPlan)
+        assert answer.reason is NoPlanReason.UNSOLVABLE
+
+    def test_the_same_question_has_the_same_answer(self) -> None:
+        planner = self.make()
+        first, _, second = (planner.plan(*ask) for ask in (self.solvable(), self.unsolvable(), self.solvable()))
+        assert isinstance(first, Plan)
+        assert isinstance(second, Plan)
+        assert first.steps == second.steps
+
+
+class EstimatorContract(ABC):
+    """A belief over exactly what was asked; what cannot be told is said to be unanswered."""
+
+    @abstractmethod
+    def make(self) -> tuple[Estimator, Observation, Sequence[Atom]]:
+        """An estimator, a look, and at least two atoms to ask of it."""
+
+    def test_every_question_is_answered_or_said_not_to_be_and_no_other(self) -> None:
+        estimator, observation, atoms = self.make()
+        belief = estimator.estimate(observation, atoms)
+        assert isinstance(belief, Belief)
+        assert belief.probability.keys() | belief.unanswered == set(atoms)
+        assert belief.observation_id == observation.id
+        assert belief.source == estimator.name != ""
+
+    def test_the_order_of_the_questions_changes_no_answer(self) -> None:
+        estimator, observation, atoms = self.make()
+        forwards = estimator.estimate(observation, atoms)
+        backwards = estimator.estimate(observation, list(reversed(atoms)))
+        assert dict(backwards.probability) == pytest.approx(dict(forwards.probability), abs=1e-6)
+        assert backwards.unanswered == forwards.unanswered
+
+    def test_nothing_asked_is_nothing_answered(self) -> None:
+        estimator, observation, _ = self.make()
+        belief = estimator.estimate(observation, [])
+        assert not belief.probability
+        assert not belief.unanswered
+
+
+class WorldContract(ABC):
+    """A clock that only runs when time passes, looks that change nothing, a state that can be saved and restored."""
+
+    @abstractmethod
+    def make(self) -> World: ...
+
+    @abstractmethod
+    def pass_time(self, world: World, seconds: float) -> None:
+        """Let at least so many seconds pass in the world."""
+
+    def test_looking_takes_no_time_and_numbers_its_observations(self) -> None:
+        world = self.make()
+        before = world.time
+        first, second = world.observe("once"), world.observe("twice")
+        assert (first.time, second.time, world.time) == (before, before, before)
+        assert first.id < second.id
+        assert (first.cause, second.cause) == ("once", "twice")
+        assert first.images.keys() == second.images.keys()
+        for camera, image in first.images.items():
+            assert np.array_equal(image, second.images[camera])
+
+    def test_a_restored_state_goes_on_as_if_nothing_had_happened(self) -> None:
+        world = self.make()
+        self.pass_time(world, 0.1)
+        snapshot, moment = world.snapshot(), world.time
+        self.pass_time(world, 0.3)
+        once, until = world.observe(), world.time
+        assert until > moment
+        world.restore(snapshot)
+        assert world.time == moment
+        self.pass_time(world, 0.3)
+        again = world.observe()
+        assert world.time == until
+        assert np.array_equal(once.joints, again.joints)
+        for camera, image in once.images.items():
+            assert np.array_equal(image, again.images[camera])
+
+    def test_what_is_scheduled_happens_once_and_in_time(self) -> None:
+        world = self.make()
+        start, happened = world.time, list[float]()
+        world.schedule(0.2, lambda: happened.append(world.time - start))
+        self.pass_time(world, 0.1)
+        assert happened == []
+        self.pass_time(world, 0.3)
+        self.pass_time(world, 0.3)
+        assert happened == [pytest.approx(0.2, abs=0.05)]
+
+    def test_a_listener_sees_frames_until_nobody_watches(self) -> None:
+        world, frames = self.make(), list[Frame]()
+        world.watch(frames.append)
+        self.pass_time(world, 1.0)
+        seen = len(frames)
+        assert seen > 0
+        world.watch(None)
+        self.pass_time(world, 1.0)
+        assert len(frames) == seen
+
+    def test_a_disturbance_says_what_it_did_and_an_unknown_one_is_bad_input(self) -> None:
+        world = self.make()
+        for kind in ("drop", "miss", "shove"):
+            assert world.disturb(kind, np.random.default_rng(1))
+        with pytest.raises(InputError, match="'eclipse'"):
+            world.disturb("eclipse", np.random.default_rng(1))
+        with pytest.raises(InputError, match="'no-such-item'"):
+            world.disturb("shove", np.random.default_rng(1), item="no-such-item")
+
+    def test_it_can_be_drawn(self) -> None:
+        assert isinstance(self.make().scenery(), Scenery)
+
+
+class SkillContract(ABC):
+    """A skill reports what it did, in its phases' proper names, and stops when it is told to."""
+
+    @abstractmethod
+    def make(self) -> tuple[Skill, World]:
+        """A skill, in a world where `possible` can be carried out."""
+
+    @abstractmethod
+    def possible(self) -> Step:
+        """A step that succeeds in that world."""
+
+    @abstractmethod
+    def misplaced(self) -> Step:
+        """A step whose thing is not where the step says it is."""
+
+    @abstractmethod
+    def holds(self, world: World, facts: Facts) -> bool:
+        """Whether the facts are true in the world; the scorer's view."""
+
+    def carry_out(
+        self, skill: Skill, world: World, step: Step, patience: float = float("inf")
+    ) -> tuple[SkillResult, list[Phase | Motion]]:
+        """What the skill says and announces; it is cancelled after `patience` seconds of the world's time."""
+        announced: list[Phase | Motion] = []
+        until = world.time + patience
+        rng = np.random.default_rng(1)
+        result = skill(step, SkillContext(world.handle, rng, announced.append, lambda: world.time >= until))
+        return result, announced
+
+    def test_a_step_that_can_be_done_is_done_and_told_phase_by_phase(self) -> None:
+        skill, world = self.make()
+        start = world.time
+        result, announced = self.carry_out(skill, world, self.possible())
+        assert (result.status, result.step) == (SkillStatus.DONE, self.possible())
+        assert self.holds(world, self.possible().effects)
+        assert result.seconds == pytest.approx(world.time - start, abs=1e-6)
+        phases = [news for news in announced if isinstance(news, Phase)]
+        assert {phase.name for phase in phases} <= PHASES
+        assert "transfer" in {phase.name for phase in phases}
+        assert all(phase.seconds >= 0.0 for phase in phases)
+
+    def test_a_thing_that_is_elsewhere_is_reported_and_not_fetched(self) -> None:
+        skill, world = self.make()
+        result, _ = self.carry_out(skill, world, self.misplaced())
+        assert result.status is SkillStatus.NOT_THERE
+        assert result.reason
+        assert not self.holds(world, self.misplaced().effects)
+
+    def test_cancelled_it_stops_says_so_and_can_be_called_again(self) -> None:
+        skill, world = self.make()
+        snapshot = world.snapshot()
+        result, _ = self.carry_out(skill, world, self.possible(), patience=0.0)
+        assert result.status is SkillStatus.CANCELLED
+        result, _ = self.carry_out(skill, world, self.possible(), patience=1.0)
+        assert result.status is SkillStatus.CANCELLED
+        assert not self.holds(world, self.possible().effects)
+        world.restore(snapshot)
+        assert self.carry_out(skill, world, self.possible())[0].done
+
+
+_ATOM = Atom("at", ("a", "p"))
+_FACTS = Facts({_ATOM: True})
+_STEP = Step("pick", ("a", "p"), _FACTS, Facts({_ATOM: False}))
+
+EVERY_PAYLOAD: tuple[Payload, ...] = (
+    Started("run", "things", Task("things", "fake", {"a": "thing"}, (_ATOM,), _FACTS), "none", 3, {"low": 0.5}),
+    Questions({_ATOM: "Is a on p?"}, "Answer yes or no.", "templates"),
+    Scenery(),
+    Observation(0, 0.0, {"front": np.zeros((24, 32, 3), np.uint8)}, np.zeros(6), "first look"),
+    Belief(0, {_ATOM: 0.75}, frozenset({Atom("free")}), "scripted", {_ATOM: (Evidence(("front",), 0.6, 0.2),)}),
+    NoPlan(NoPlanReason.TIMED_OUT, "after 30 s", "fake", 30.0),
+    Plan((_STEP,), 1.0, "fake", 0.1),
+    Compared("preconditions", _FACTS, Verdict(holds=frozenset({_ATOM})), 0),
+    Dispatched(_STEP, 1, 1, 0),
+    Phase("transfer", "to p", 2.5),
+    Motion(np.zeros((4, 6)), np.zeros((4, 3)), 2.5, "RRT*", 0.2, 1.5),
+    Frame({"a": np.array([0.0, 0, 0, 1, 0, 0, 0])}, np.zeros(6), 0.05),
+    FaultInjected("drop", "drop@1", 1, "the gripper opened"),
+    SkillResult(_STEP, SkillStatus.DROPPED, "nothing is held", 2.0, 5.0),
+    Timing("skill", 0.3),
+    Decision(DecisionKind.REPLAN, "it is elsewhere", (_ATOM,)),
+    Revised(_FACTS, _FACTS),
+    Decision(DecisionKind.STOP, "enough", (), OutcomeKind.GAVE_UP),
+    Ended(OutcomeKind.GAVE_UP, "enough", False, ("at(a,p)",), 1, 1, 0, 1),
+)
+"""One of each thing that a sink may get to see, in an order that can happen."""
+
+
+class SinkContract(ABC):
+    """A sink takes whatever happens, and being closed twice."""
+
+    @abstractmethod
+    def make(self) -> Sink: ...
+
+    def test_it_takes_every_kind_of_event(self) -> None:
+        sink = self.make()
+        for number, payload in enumerate(EVERY_PAYLOAD):
+            sink.write(Event(min(number // 6, 1), 0.1 * number, 0.2 * number, payload))
+        sink.close()
+        sink.close()
+
+    def test_it_takes_a_run_that_breaks_off(self) -> None:
+        sink = self.make()
+        sink.write(Event(0, 0.0, 0.0, EVERY_PAYLOAD[0]))
+        sink.close()
