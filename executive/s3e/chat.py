@@ -1,0 +1,331 @@
+"""A client of any OpenAI-compatible chat server (vLLM, llama.cpp's llama-server, commercial ones).
+
+Whatever a server does, a request ends in time and ends as a value: the reply as read, or a `Failure` that says what
+went wrong. The API key is looked up in the environment for each batch of requests and kept nowhere, so that nothing
+that is printed, recorded or raised can tell it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from ipaddress import ip_address
+from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import urlsplit
+
+from executive.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    import httpx2
+
+KEY, OPENAI_KEY = "EXECUTIVE_API_KEY", "OPENAI_API_KEY"
+"""Where the API key is looked up, in this order. The second one is meant for somebody else's server, so that it is
+sent over an encrypted connection or to this machine alone."""
+
+LARGEST = 4_000_000
+"""Bytes; no honest reply to what is asked here is larger."""
+
+START = "start one, such as: vllm serve MODEL, or: llama-server -m MODEL.gguf --mmproj PROJECTOR.gguf"
+
+_TOLD = 200
+"""Characters of a server's own error message that are passed on."""
+_BUSY = frozenset({408, 425, 429})
+_NO_SUCH_PLACE = frozenset({404, 405, 501})
+_T = TypeVar("_T")
+
+
+class ServerError(InputError):
+    """A server that is not there, is of another kind, or gives no usable reply."""
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long and how often to try.
+
+    `connect` and `reply` are seconds: for the connection, and for one request with all its tries. A request is tried up
+    to `tries` times, the second time `pause` seconds after the first, each pause twice as long as the one before (or as
+    long as the server asks for). `concurrent` requests are under way at once.
+    """
+
+    connect: float = 5.0
+    reply: float = 120.0
+    tries: int = 4
+    pause: float = 0.5
+    concurrent: int = 8
+
+    def __post_init__(self) -> None:
+        if not (self.connect > 0 and self.reply > 0 and self.pause >= 0 and self.tries >= 1 and self.concurrent >= 1):
+            raise ValueError(f"{self} leaves no time for a single try")
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why a request got no usable reply, in one line. `gone`: nothing answers there at all, or not in time. `status`:
+    what HTTP calls it, where the server said so."""
+
+    reason: str
+    gone: bool = False
+    status: int = 200
+
+
+class ReplyError(Exception):
+    """A reply that cannot be used. Raised by whatever reads replies; `again` says that another try may help."""
+
+    def __init__(
+        self, reason: str, *, again: bool = True, gone: bool = False, after: float = 0.0, status: int = 200
+    ) -> None:
+        super().__init__(reason)
+        self.reason, self.again, self.gone, self.after, self.status = reason, again, gone, after, status
+
+
+class ChatServer:
+    """A server and the model that is asked there.
+
+    Args:
+        url: where the server's API is, such as `http://127.0.0.1:8000/v1`; without a path, `/v1` is meant.
+        model: the model's name at the server; without it, the only one that the server has.
+        patience: how long and how often to try.
+        environment: where the API key is looked up; without it, the process's environment.
+
+    Raises:
+        ServerError: nothing answers there, the key is refused, or it is not clear which model is meant.
+        InputError: the URL is none, or has a password or a query in it, which would end up in the record of a run.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        model: str | None = None,
+        *,
+        patience: Patience | None = None,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self.url, self._local = base_url(url)
+        self.patience = patience or Patience()
+        self._environment = environment  # never a copy of the process's own: it has keys in it
+        self._encrypted = self.url.startswith("https:")
+        self._met = False
+        self.models = self._list_models(needed=model is None)
+        if model is None and len(self.models) != 1:
+            raise ServerError(f"name the model that is to be asked; {nearest('', self.models)}", file=self.url)
+        self.model = model or self.models[0]
+        self._met = True
+
+    def __repr__(self) -> str:
+        return f"ChatServer({self.url!r}, {self.model!r})"
+
+    @property
+    def name(self) -> str:
+        """The model's name, or the last part of it where it is a path on the server's machine."""
+        parts = [part for part in self.model.replace("\\", "/").split("/") if part]
+        path = len(parts) > 2 or self.model.startswith((".", "/", "~")) or "\\" in self.model
+        return parts[-1] if parts and (path or self.model.endswith(".gguf")) else self.model
+
+    def chat(self, system: str, user: str, most: int = 200) -> str:
+        """The model's own words, of at most `most` tokens, at temperature 0.
+
+        Raises:
+            ServerError: there is no usable reply.
+        """
+        messages = [{"role": "system", "content": system}, {"role": "user", "content": user}]
+        (reply,) = self.complete([{"messages": messages, "max_tokens": most}], _text)
+        if isinstance(reply, Failure):
+            raise ServerError(reply.reason, file=self.url)
+        return reply
+
+    def complete(self, requests: Sequence[Mapping[str, Any]], read: Callable[[Any], _T]) -> list[_T | Failure]:
+        """Ask for a chat completion of each request, several at once; what `read` makes of each reply, in order.
+
+        The first request goes alone: a server that keeps the prefixes of prompts then has what the others share, and
+        one that is gone is found out once. `read` gets the decoded JSON and raises `ReplyError` for what it cannot use.
+        """
+        bodies = [{"model": self.model, "temperature": 0, **request} for request in requests]
+        return _run(self._complete(bodies, read)) if bodies else []
+
+    async def _complete(self, bodies: Sequence[Mapping[str, Any]], read: Callable[[Any], _T]) -> list[_T | Failure]:
+        gate = asyncio.Semaphore(self.patience.concurrent)
+        async with self._client() as client:
+
+            async def one(body: Mapping[str, Any]) -> _T | Failure:
+                async with gate:  # encoded here, so that no more pictures are in memory than are under way
+                    return await self._try(client, "chat/completions", read, json.dumps(body).encode())
+
+            first = await one(bodies[0])
+            if isinstance(first, Failure) and first.gone:
+                return [first] * len(bodies)
+            return [first, *await asyncio.gather(*map(one, bodies[1:]))]
+
+    def _list_models(self, needed: bool) -> tuple[str, ...]:
+        """The models that the server says it has; none where it has no such list, unless that is `needed`."""
+
+        async def ask() -> tuple[str, ...] | Failure:
+            async with self._client() as client:
+                return await self._try(client, "models", _models)
+
+        models = _run(ask())
+        if not isinstance(models, Failure):
+            return models
+        if models.gone:
+            raise ServerError(f"no server answers there ({models.reason}); {START}", file=self.url)
+        if models.status in _NO_SUCH_PLACE and not needed:
+            return ()
+        raise ServerError(models.reason, file=self.url)
+
+    def _client(self) -> httpx2.AsyncClient:
+        import httpx2
+
+        key = self._key()
+        return httpx2.AsyncClient(
+            headers={"Authorization": f"Bearer {key}"} if key else {},
+            timeout=httpx2.Timeout(None, connect=self.patience.connect),
+            limits=httpx2.Limits(max_connections=self.patience.concurrent),
+            trust_env=not self._local,  # a proxy has no part in what this machine says to itself
+            verify=self._encrypted,  # certificates take long to load, and there is nothing to verify without them
+        )
+
+    def _keys(self) -> tuple[str, str]:
+        environment = os.environ if self._environment is None else self._environment
+        return environment.get(KEY, "").strip(), environment.get(OPENAI_KEY, "").strip()
+
+    def _key(self) -> str:
+        key, openai_key = self._keys()
+        if not key and (self._encrypted or self._local):
+            key = openai_key
+        if not (key.isascii() and key.isprintable()):
+            raise InputError(f"the API key in {KEY} or {OPENAI_KEY} has characters that none has")
+        return key
+
+    async def _try(
+        self, client: httpx2.AsyncClient, path: str, read: Callable[[Any], _T], body: bytes | None = None
+    ) -> _T | Failure:
+        """Ask, and ask again while that may help and there is time left."""
+        patience, trouble = self.patience, ReplyError("")
+        try:
+            async with asyncio.timeout(patience.reply):
+                for number in range(patience.tries):
+                    if number:
+                        await asyncio.sleep(max(trouble.after, patience.pause * 2 ** (number - 1)))
+                    try:
+                        return read(await self._once(client, path, body))
+                    except ReplyError as error:
+                        trouble = error
+                        if not error.again or (error.gone and not self._met):  # nobody to wait for
+                            break
+        except TimeoutError:
+            last = f"; the last try: {trouble.reason}" if trouble.reason else ""
+            trouble = ReplyError(f"no reply within {patience.reply:g} s{last}", gone=True)
+        return Failure(self._told(trouble.reason), trouble.gone, trouble.status)
+
+    async def _once(self, client: httpx2.AsyncClient, path: str, body: bytes | None) -> Any:
+        """One request: the JSON that comes back."""
+        import httpx2
+
+        method = "GET" if body is None else "POST"
+        headers = {} if body is None else {"Content-Type": "application/json"}
+        data = bytearray()
+        try:
+            async with client.stream(method, f"{self.url}/{path}", content=body, headers=headers) as response:
+                async for chunk in response.aiter_bytes():
+                    data += chunk
+                    if len(data) > LARGEST:
+                        raise ReplyError(f"the reply has more than {LARGEST:,} bytes", again=False)
+        except (httpx2.ConnectError, httpx2.ConnectTimeout) as error:
+            raise ReplyError(str(error) or "the connection cannot be made in time", gone=True) from None
+        except httpx2.HTTPError as error:
+            raise ReplyError(f"no whole HTTP reply ({error or type(error).__name__})") from None
+        if response.status_code != 200:
+            raise _refusal(response.status_code, response.headers.get("retry-after", ""), bytes(data))
+        return _decoded(bytes(data))
+
+    def _told(self, reason: str) -> str:
+        """What can be told of it: one line, and the key not in it even where the server sent it back."""
+        for key in filter(None, self._keys()):
+            reason = reason.replace(key, "***")
+        return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(reason.split()))
+
+
+def base_url(url: str) -> tuple[str, bool]:
+    """The URL of a server's API without a slash at its end, and whether it is on this machine.
+
+    Raises:
+        InputError: it is no such URL, or has more in it than scheme, host, port and path.
+    """
+    try:
+        parts = urlsplit(url.strip())
+        host, port = parts.hostname or "", parts.port
+    except ValueError:
+        parts, host, port = urlsplit(""), "", None
+    if parts.scheme not in ("http", "https") or not host or not all("!" <= character <= "~" for character in url):
+        # Not repeated: what it was meant to be is unknown, and it may have a password in it.
+        raise InputError("is not a server's address such as http://127.0.0.1:8000/v1", key="--server")
+    place = f"[{host}]" if ":" in host else host
+    shown = f"{parts.scheme}://{place}{f':{port}' if port is not None else ''}{parts.path.rstrip('/') or '/v1'}"
+    if parts.username is not None or parts.password is not None or parts.query or parts.fragment:
+        raise InputError(
+            f"a server's address is scheme, host, port and path alone, such as {shown}; give a key as {KEY}",
+            key="--server",
+        )
+    try:
+        local = ip_address(host).is_loopback
+    except ValueError:
+        local = host == "localhost" or host.endswith(".localhost")
+    return shown.removesuffix("/chat/completions"), local
+
+
+def _run(coroutine: Coroutine[Any, Any, _T]) -> _T:
+    """Run to the end, also where an event loop is already running in this thread (a notebook)."""
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return asyncio.run(coroutine)
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, coroutine).result()
+
+
+def _decoded(data: bytes) -> Any:
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError):
+        raise ReplyError("the reply is not complete JSON") from None
+
+
+def _refusal(status: int, after: str, data: bytes) -> ReplyError:
+    """What a status other than 200 means. The server's own words are passed on as far as there are any."""
+    try:
+        reply = json.loads(data)
+        error = reply.get("error", reply)
+        words = str(error.get("message") or error.get("detail") or "") if isinstance(error, dict) else str(error)
+    except (ValueError, AttributeError, RecursionError):
+        words = ""
+    words = f": {words[:_TOLD]}" if words else ""
+    if status in (401, 403):
+        return ReplyError(
+            f"the server refuses access ({status}{words}); give its API key as {KEY}", again=False, status=status
+        )
+    again = status >= 500 or status in _BUSY
+    try:
+        pause = min(60.0, max(0.0, float(after)))
+    except ValueError:  # a date; the usual pause does
+        pause = 0.0
+    return ReplyError(f"the server answers with status {status}{words}", again=again, after=pause, status=status)
+
+
+def _models(reply: Any) -> tuple[str, ...]:
+    try:
+        return tuple(str(entry["id"]) for entry in reply["data"])
+    except (LookupError, TypeError):
+        raise ReplyError("what answers there is no OpenAI-compatible server: it lists no models", again=False) from None
+
+
+def _text(reply: Any) -> str:
+    try:
+        text = reply["choices"][0]["message"]["content"]
+    except (LookupError, TypeError):
+        text = None
+    if not isinstance(text, str):
+        raise ReplyError("the reply has no text")
+    return text
