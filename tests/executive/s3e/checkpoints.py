@@ -290,10 +290,8 @@ def _tokenizer(begin: bool) -> Any:
         initial_alphabet=pre_tokenizers.ByteLevel.alphabet(),
         show_progress=False,
     )
-    forms = [
-        space + form for word in ANSWERS for form in (word, word.capitalize(), word.upper()) for space in ("", " ")
-    ]
-    inner.train_from_iterator([*_SENTENCES, *forms * 20], trainer)
+    words = [form for word in ANSWERS for form in (word, word.capitalize(), word.upper())]
+    inner.train_from_iterator([*_SENTENCES, *[space + word for word in words for space in ("", " ")] * 20], trainer)
     if begin:
         begins = inner.token_to_id("<|endoftext|>")
         inner.post_processor = processors.TemplateProcessing(
