@@ -34,6 +34,7 @@ class _Words:
     supertypes: dict[str, str | None] = field(default_factory=lambda: {OBJECT: None})
     objects: dict[str, str] = field(default_factory=dict)
     predicates: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    parameters: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def typing(self) -> Typing:
@@ -79,6 +80,7 @@ class _Words:
                 file.fail(form.line, f"predicate {name} is declared twice")
             parameters = file.typed(form.rest, "a parameter", "?")
             self.predicates[name] = tuple(self.kind(file, kind) for _, _, kind in parameters)
+            self.parameters[name] = tuple(variable.removeprefix("?") for _, variable, _ in parameters)
         if not self.predicates:
             file.fail(section.line if section else 1, "declares no predicates")
 
@@ -247,5 +249,13 @@ def _schema(words: _Words, domain: PddlFile, problem: PddlFile, actions: Mapping
                 problem.fail(goal.line, f":goal asks for {atom} and for its opposite")
     if not goals:
         problem.fail(goal.line, ":goal asks for nothing")
-    task = Task(domain.name, problem.name, dict(words.objects), atoms, Facts(goals), frozenset(declared))
+    task = Task(
+        domain.name,
+        problem.name,
+        dict(words.objects),
+        atoms,
+        Facts(goals),
+        frozenset(declared),
+        dict(words.parameters),
+    )
     return Schema(task, typing, dict(words.predicates), dict(actions), tuple(goals))

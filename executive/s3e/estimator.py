@@ -1,0 +1,183 @@
+"""The paper's estimation stage: pictures and questions in, a probability for every atom out (Section 4)."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from statistics import fmean
+from typing import TypeAlias
+
+import numpy as np
+
+from executive.errors import MissingError, nearest
+from executive.s3e.backend import Answer, AnswerWords, Backend, Look
+from executive.types import Atom, Belief, Evidence, Image, Observation, Questions
+
+log = logging.getLogger(__name__)
+
+LEAST_MASS = 0.5
+"""An answer counts when yes and no together have at least this share of the next token's probability: with less, the
+model would rather have said something else."""
+
+Calibrator: TypeAlias = Callable[[Atom, float], float]
+"""What the probability of an atom is, given what the model says it is. One that is no probability is no answer."""
+
+
+class Views(StrEnum):
+    """How the pictures of several cameras are shown."""
+
+    TOGETHER = "together"  # all in one prompt, in order
+    AVERAGED = "averaged"  # each on its own; the probability is the mean over the cameras that can tell
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One answer, and the cameras whose pictures it was given for."""
+
+    cameras: tuple[str, ...]
+    answer: Answer
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was asked about one atom, all that was answered, and what it comes to: None where that is no answer."""
+
+    question: str
+    views: tuple[View, ...]
+    probability: float | None
+
+
+class S3E:
+    """Semantic symbolic state estimation: an `Estimator` over a vision-language model.
+
+    Args:
+        backend: the model.
+        questions: what is asked of which atom, under which system prompt.
+        cameras: whose pictures are shown, in this order; without it, all of an observation.
+        views: how several pictures are shown.
+        least_mass: see `LEAST_MASS`.
+        calibrate: corrects each probability; the evidence keeps what the model said.
+
+    An atom without a question, without a picture, or without an answer is unanswered, and the evidence says why. What
+    goes wrong in the model or on the way to it ends the same way: nothing is raised in the middle of a run but
+    `MissingError`.
+    """
+
+    def __init__(
+        self,
+        backend: Backend,
+        questions: Questions,
+        *,
+        cameras: Sequence[str] | None = None,
+        views: Views | str = Views.TOGETHER,
+        least_mass: float = LEAST_MASS,
+        calibrate: Calibrator | None = None,
+    ) -> None:
+        if not 0.0 <= least_mass <= 1.0:
+            raise ValueError(f"least_mass: expected a share of 1, got {least_mass}")
+        self.backend, self.questions, self.views, self.least_mass = backend, questions, Views(views), least_mass
+        self._cameras, self._calibrate = None if cameras is None else tuple(cameras), calibrate
+        self._observation: Observation | None = None
+        self._looks: dict[tuple[str, ...], Look] = {}
+
+    @property
+    def name(self) -> str:
+        return f"s3e:{self.backend.name}"
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        """A belief over exactly `atoms`, with its evidence. Asking for more atoms of the same observation costs their
+        questions alone: its pictures have been taken in."""
+        findings = self.ask(observation, atoms)
+        probability = {atom: f.probability for atom, f in findings.items() if f.probability is not None}
+        return Belief(
+            observation.id,
+            probability,
+            unanswered=frozenset(findings) - probability.keys(),
+            source=self.name,
+            evidence={atom: tuple(map(_evidence, finding.views)) for atom, finding in findings.items()},
+        )
+
+    def ask(self, observation: Observation, atoms: Sequence[Atom]) -> dict[Atom, Finding]:
+        """Everything behind a belief: each atom's question, the prompts as rendered, and the masses of its answers."""
+        asked = [atom for atom in dict.fromkeys(atoms) if atom in self.questions.text]
+        groups = self._groups(observation)
+        answers = {cameras: self._answers(observation, cameras, asked) for cameras in groups}
+        findings = {}
+        for atom in dict.fromkeys(atoms):
+            if atom not in self.questions.text:
+                views: tuple[View, ...] = (View((), _no_answer("there is no question for this atom")),)
+            elif not groups:
+                views = (View((), _no_answer(self._no_picture(observation))),)
+            else:
+                views = tuple(View(cameras, answers[cameras][atom]) for cameras in groups)
+            findings[atom] = Finding(self.questions.text.get(atom, ""), views, self._probability(atom, views))
+        return findings
+
+    def _groups(self, observation: Observation) -> list[tuple[str, ...]]:
+        """The cameras that are shown together. One that has no picture is left out."""
+        chosen = tuple(observation.images) if self._cameras is None else self._cameras
+        cameras = tuple(camera for camera in chosen if camera in observation.images)
+        if self.views is Views.AVERAGED:
+            return [(camera,) for camera in cameras]
+        return [cameras] if cameras else []
+
+    def _no_picture(self, observation: Observation) -> str:
+        if not self._cameras:
+            return "there is no picture"
+        return f"no picture from {', '.join(self._cameras)}; {nearest(self._cameras[0], observation.images)}"
+
+    def _answers(self, observation: Observation, cameras: tuple[str, ...], atoms: Sequence[Atom]) -> dict[Atom, Answer]:
+        """An answer for each atom, whatever happens."""
+        if not atoms:
+            return {}
+        try:
+            answers = self._look(observation, cameras).ask([self.questions.text[atom] for atom in atoms])
+            if len(answers) != len(atoms):
+                raise ValueError(f"{len(answers)} answers to {len(atoms)} questions")
+        except MissingError:
+            raise
+        except Exception as error:
+            log.warning("%s: no answers: %s", self.name, error, exc_info=log.isEnabledFor(logging.DEBUG))
+            return dict.fromkeys(atoms, _no_answer(f"{error}" or type(error).__name__))
+        return dict(zip(atoms, answers, strict=True))
+
+    def _look(self, observation: Observation, cameras: tuple[str, ...]) -> Look:
+        """The pictures as the backend took them in, once per observation."""
+        if self._observation is not observation:  # the same one, not one of the same number: runs count from zero
+            self._observation = observation
+            self._looks.clear()  # the former pictures are let go before the next ones are taken in
+        if cameras not in self._looks:
+            images = [observation.images[camera] for camera in cameras]
+            words = AnswerWords(*self.questions.answers)
+            self._looks[cameras] = self.backend.look(images, self.questions.system, words)
+        return self._looks[cameras]
+
+    def _probability(self, atom: Atom, views: Sequence[View]) -> float | None:
+        told = [view.answer.probability(self.least_mass) for view in views]
+        known = [probability for probability in told if probability is not None]
+        if not known:
+            return None
+        probability = fmean(known)
+        if self._calibrate is not None:
+            probability = self._calibrate(atom, probability)
+        return float(probability) if math.isfinite(probability) and 0.0 <= probability <= 1.0 else None
+
+
+def observe(images: Mapping[str, Image], *, id: int = 0, time: float = 0.0) -> Observation:
+    """Pictures as an observation, for whoever has no world that makes one: name of the camera -> (H, W, 3) uint8 RGB.
+
+    Raises:
+        ValueError: something is no such picture.
+    """
+    return Observation(id, time, dict(images), np.empty(0))
+
+
+def _no_answer(why: str) -> Answer:
+    return Answer("", 0.0, 0.0, error=why)
+
+
+def _evidence(view: View) -> Evidence:
+    return Evidence(view.cameras, view.answer.yes_mass, view.answer.no_mass, view.answer.error)

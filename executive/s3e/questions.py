@@ -1,0 +1,274 @@
+"""From atoms to questions without a language model: by the templates of a domain, or not at all.
+
+A domain's `questions.toml` has one template per predicate. What it calls `{item}` is the parameter that the PDDL file
+calls `?item`; `{1}` is the first parameter. Objects are called by their names with hyphens as spaces, or as `[objects]`
+says:
+
+    [questions]
+    on-table = "Is the {item} on the {table}?"
+    robot-gripper-empty = "Is the robot's gripper empty?"
+
+    [objects]
+    soda-can = "red can of soda"
+"""
+
+from __future__ import annotations
+
+import string
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NoReturn, Protocol, runtime_checkable
+
+from executive.errors import DomainError, nearest
+from executive.s3e import prompts
+from executive.s3e.backend import TRUE_FALSE
+from executive.types import Atom, Questions, Task
+
+LARGEST = 1_000_000
+"""Bytes; no file of questions or instructions that anyone wrote is larger."""
+
+LONGEST = 300
+"""Characters of a question."""
+
+
+@runtime_checkable
+class Translator(Protocol):
+    """Words the question of every atom of a task: the paper's translation stage (Section 4)."""
+
+    def translate(self, task: Task) -> Questions: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Templates:
+    """One template per predicate, and what to call the objects. `file` is where they were read, for error messages."""
+
+    predicates: Mapping[str, str]
+    objects: Mapping[str, str] = field(default_factory=dict)
+    file: Path | None = None
+
+    @classmethod
+    def read(cls, path: str | Path) -> Templates:
+        """Read a `questions.toml`.
+
+        Raises:
+            DomainError: the first mistake that can be seen without a task, in one line with file and key.
+        """
+        file = Path(path)
+        try:
+            tables = tomllib.loads(_read(file))
+        except tomllib.TOMLDecodeError as error:
+            raise DomainError(f"is not TOML: {error}", file=file) from None
+        except RecursionError:
+            raise DomainError("is not TOML that anyone would write: nested too deep", file=file) from None
+        valid = ("questions", "objects")
+        for name, table in tables.items():
+            if name not in valid:
+                raise DomainError(f"unknown key; {nearest(name, valid)}", file=file, key=name)
+            if not isinstance(table, dict):
+                raise DomainError(f"expected a table, got {table!r}", file=file, key=name)
+        if "questions" not in tables:
+            raise DomainError("is missing: the table with one question per predicate", file=file, key="questions")
+        templates = cls(tables["questions"], tables.get("objects", {}), file)
+        templates._check_texts()
+        return templates
+
+    def names(self, task: Task) -> dict[str, str]:
+        """What each object of the task is called in a question.
+
+        Raises:
+            DomainError: two objects would be called the same.
+        """
+        names = {name: self.objects.get(name, plain(name)) for name in task.objects}
+        called: dict[str, str] = {}
+        for name, text in names.items():
+            other = called.setdefault(" ".join(text.split()).casefold(), name)
+            if other != name:
+                key = next((key for key in (name, other) if key in self.objects), name)
+                self._fail("objects", key, f"{other} and {name} are both called {text!r}")
+        return names
+
+    def translate(self, task: Task) -> Questions:
+        """Fill the templates in.
+
+        Raises:
+            DomainError: a template is missing, does not fit its predicate, or asks the same as another one.
+        """
+        parameters = _parameters(task)
+        for predicate in self.predicates:
+            if predicate not in parameters:
+                hint = nearest(predicate, parameters)
+                self._fail("questions", predicate, f"there is no predicate {predicate!r} in the PDDL; {hint}")
+        for predicate, known in parameters.items():
+            if predicate not in self.predicates:
+                places = "".join(f" {{{name}}} ..." for name in known)
+                self._fail("questions", predicate, f'is missing: write {predicate} = "Is ...{places}?"')
+            self._check_placeholders(predicate, known)
+        names, text = self.names(task), {}
+        asked: dict[str, Atom] = {}
+        for atom in task.atoms:
+            text[atom] = self._fill(atom, parameters[atom.predicate], names)
+            other = asked.setdefault(text[atom].casefold(), atom)
+            if other != atom:
+                self._fail("questions", atom.predicate, f"{text[atom]!r} would ask for both {other} and {atom}")
+        return Questions(text, prompts.QUESTION_ANSWERING, "templates", warnings=self._warnings(task))
+
+    def _fail(self, table: str, name: str, message: str) -> NoReturn:
+        raise DomainError(message, file=self.file, key=f"{table}.{name}")
+
+    def _check_texts(self) -> None:
+        for table, texts in (("questions", self.predicates), ("objects", self.objects)):
+            for name, text in texts.items():
+                if not isinstance(text, str):
+                    self._fail(table, name, f"expected a text, got {text!r}")
+                if not text.strip():
+                    self._fail(table, name, "is empty")
+                if not text.isprintable():
+                    self._fail(table, name, "expected one line of printable text")
+                if len(text) > LONGEST:
+                    self._fail(table, name, f"has {len(text)} characters, and may have {LONGEST}")
+        for predicate, template in self.predicates.items():
+            if not template.rstrip().endswith("?"):
+                self._fail("questions", predicate, f"{template!r} does not end with a question mark")
+            for place in self._places(predicate):
+                if not place:
+                    self._fail("questions", predicate, "{} names no parameter: write {1} for the first one")
+
+    def _places(self, predicate: str) -> list[str]:
+        """The placeholders of a template, in order."""
+        try:
+            parts = list(string.Formatter().parse(self.predicates[predicate]))
+        except ValueError as error:
+            self._fail("questions", predicate, f"its braces do not match ({error}); a brace itself is written twice")
+        for _, place, options, conversion in parts:
+            if options or conversion:
+                self._fail("questions", predicate, f"{{{place}}} is a placeholder without ':' and '!'")
+        return [place for _, place, _, _ in parts if place is not None]
+
+    def _check_placeholders(self, predicate: str, known: tuple[str, ...]) -> None:
+        places = self._places(predicate)
+        valid = _positions(known)
+        for place in places:
+            if place not in valid:
+                hint = nearest(place, valid) if valid else f"{predicate} has no parameters"
+                self._fail("questions", predicate, f"unknown placeholder {{{place}}}; {hint}")
+        used = {valid[place] for place in places}
+        for index, name in enumerate(known):
+            if index not in used:
+                place = name if name in valid else str(index + 1)
+                self._fail("questions", predicate, f"{{{place}}} is missing: every {place} would be asked the same")
+
+    def _fill(self, atom: Atom, known: tuple[str, ...], names: Mapping[str, str]) -> str:
+        positions = _positions(known)
+        filled = []
+        for literal, place, _, _ in string.Formatter().parse(self.predicates[atom.predicate]):
+            filled += [literal, "" if place is None else names[atom.args[positions[place]]]]
+        return "".join(filled).strip()
+
+    def _warnings(self, task: Task) -> tuple[str, ...]:
+        """Names of objects that this problem does not have. Another problem of the domain may have them."""
+        unused = [name for name in self.objects if name not in task.objects]
+        unnamed = [name for name in task.objects if name not in self.objects]
+        hints = ((name, nearest(name, unnamed)) for name in unused)
+        return tuple(
+            f"{self.file or 'questions'}: objects.{name}: the problem has no such object; {hint.partition('? ')[0]}?"
+            for name, hint in hints
+            if hint.startswith("did you mean")
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Untranslated:
+    """The paper's ablation (Appendix B): the model is shown `on-table(lemon,black-table)` itself, with the whole domain
+    in its system prompt, and answers with true or false.
+
+    `domain` is the text of the PDDL domain file.
+    """
+
+    domain: str
+
+    def translate(self, task: Task) -> Questions:
+        system = prompts.no_translation(self.domain, task.objects)
+        words = (TRUE_FALSE.affirmative, TRUE_FALSE.negative)
+        return Questions({atom: prompts.query(atom) for atom in task.atoms}, system, "none", words)
+
+
+def generic(task: Task) -> Templates:
+    """Templates made from the names alone, where nobody has written better ones: stiff, but every atom gets a question
+    of its own."""
+    predicates, objects = _distinct(_parameters(task)), _distinct(task.objects)
+    texts = {}
+    for predicate, known in _parameters(task).items():
+        named = " and ".join(f"the {{{index + 1}}}" for index in range(len(known)))
+        texts[predicate] = f'Is "{predicates[predicate]}" true{f" of {named}" if named else ""}?'
+    return Templates(texts, objects)
+
+
+def load_questions(path: str | Path, task: Task) -> Questions:
+    """The questions of a task from the templates of its domain.
+
+    Raises:
+        DomainError: the first mistake in the file, in one line with its key.
+    """
+    return Templates.read(path).translate(task)
+
+
+def load_instructions(path: str | Path) -> str:
+    """What a domain's `instructions.md` says of how things look (Appendix E.3).
+
+    Raises:
+        DomainError: it cannot be read, or says nothing.
+    """
+    file = Path(path)
+    text = _read(file).strip()
+    if not text:
+        raise DomainError("is empty: it says how things look, or is not there at all", file=file)
+    if any(not (character.isprintable() or character in "\n\t") for character in text):
+        raise DomainError("has control characters in it", file=file)
+    return text
+
+
+def instruct(questions: Questions, instructions: str) -> Questions:
+    """The same questions with instructions appended to their system prompt (Appendix E.3)."""
+    return replace(questions, system=prompts.instructed(questions.system, instructions))
+
+
+def plain(name: str) -> str:
+    """A PDDL name in plain words: `soda-can` is a soda can."""
+    return " ".join(name.replace("-", " ").replace("_", " ").split())
+
+
+def _distinct(names: Iterable[str]) -> dict[str, str]:
+    """Names in plain words, but for those that would then be the same."""
+    words = {name: plain(name) for name in names}
+    folded = [text.casefold() for text in words.values()]
+    return {name: text if folded.count(text.casefold()) == 1 else name for name, text in words.items()}
+
+
+def _parameters(task: Task) -> dict[str, tuple[str, ...]]:
+    """Each predicate with the names of its parameters; positions where a task does not say them."""
+    known = {atom.predicate: tuple(str(index + 1) for index in range(len(atom.args))) for atom in task.atoms}
+    return {**known, **task.parameters}
+
+
+def _positions(known: Iterable[str]) -> dict[str, int]:
+    """Every valid placeholder, and which argument it stands for. A name that two parameters share stands for none."""
+    names = tuple(known)
+    positions = {name: index for index, name in enumerate(names) if names.count(name) == 1}
+    return {**positions, **{str(index + 1): index for index in range(len(names))}}
+
+
+def _read(file: Path) -> str:
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(LARGEST + 1)
+        if len(data) > LARGEST:
+            raise DomainError(f"has more than {LARGEST:,} bytes", file=file)
+        return data.decode("utf-8-sig")
+    except FileNotFoundError:
+        raise DomainError("there is no such file", file=file) from None
+    except UnicodeDecodeError as error:
+        raise DomainError(f"is not UTF-8 text ({error.reason} at byte {error.start})", file=file) from None
+    except (OSError, ValueError) as error:
+        raise DomainError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=file) from None
