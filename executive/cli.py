@@ -23,7 +23,7 @@ from typing import Annotated
 import typer
 
 from executive import __version__
-from executive.errors import ExecutiveError
+from executive.errors import ExecutiveError, InputError
 from executive.types import OutcomeKind
 
 REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
@@ -168,6 +168,43 @@ def _ctrl_c(cancel: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@app.command()
+def inspect(
+    run: Annotated[str, typer.Argument(help="A run's folder, or its name in runs/.")],
+    web: Annotated[bool, typer.Option("--web", help="In a browser on this machine, instead of a window.")] = False,
+    png: Annotated[Path | None, typer.Option(help="Write a picture to this file instead; needs no screen.")] = None,
+    at: Annotated[
+        int | None, typer.Option(min=0, help="The cycle that --png shows; the last one if not given.")
+    ] = None,
+) -> None:
+    """Show a run in the Rerun viewer."""
+    from executive.trace.screenshot import screenshot
+    from executive.trace.viewer_process import inspect as open_viewer
+
+    if at is not None and png is None:
+        raise InputError("goes with --png; the viewer itself has a time line", key="--at")
+    if web and png is not None:
+        raise InputError("is one way to look, --png is another", key="--web")
+    folder = _run_folder(run)
+    if png is None:
+        open_viewer(folder, web)
+        return
+    if not png.resolve().parent.is_dir():
+        raise InputError("there is no such folder", file="--png", key=str(png.parent))
+    for complaint in screenshot(folder, png, at_cycle=at):
+        print(f"warning: {complaint}", file=sys.stderr)
+
+
+def _run_folder(run: str, runs: Path = Path("runs")) -> Path:
+    """The folder of a run, given that folder or its name in `runs`."""
+    for folder in (Path(run), runs / run):
+        if folder.exists():
+            return folder
+    made = sorted(runs.glob("*/"), key=lambda folder: folder.stat().st_mtime, reverse=True)
+    latest = f"the latest in {runs} is {made[0].name}" if made else f"{runs} has none"
+    raise InputError(f"there is no such run; {latest}", file=run)
 
 
 @app.command()

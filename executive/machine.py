@@ -43,8 +43,8 @@ ENGINE_SOURCE = "git+https://github.com/aiplan4eu/up-fast-downward"
 ROBOT = "models/assets/robots/ur5e/robot.xml"
 """One of robosuite's assets: where this one is, the others are."""
 
-LIBRARIES = {"libGL.so.1": "libgl1", "libgthread-2.0.so.0": "libglib2.0-0"}
-"""What OpenCV links to (robosuite imports it): library -> its Debian package."""
+LIBRARIES = {"libGL.so.1": "libgl1"}
+"""What MuJoCo draws with: library -> its Debian package."""
 
 
 @dataclass(frozen=True, slots=True)

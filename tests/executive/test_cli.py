@@ -19,6 +19,7 @@ from executive import __version__, assemble, cli, machine
 from executive.domain import list_domains
 from executive.errors import DomainError, InputError, MissingError
 from executive.protocols import Sink
+from executive.trace import screenshot, viewer_process
 from executive.trace.report import STAGES, Summary
 from executive.types import OutcomeKind
 
@@ -268,6 +269,58 @@ def test_shipped_domains_are_listed_as_commands(capsys: pytest.CaptureFixture[st
     for name in list_domains():
         assert f"executive run {name} " in out
     assert "executive run grocery --problem breakfast\n" in out
+
+
+@pytest.fixture
+def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    """The arguments with which the viewer was opened, or a picture was drawn."""
+    calls: list[tuple[Any, ...]] = []
+
+    def draw(trace: Path, png: Path, at_cycle: int | None = None) -> list[str]:
+        calls.append((trace, png, at_cycle))
+        return ["plan: error: too long"]
+
+    monkeypatch.setattr(viewer_process, "inspect", lambda trace, web: calls.append((trace, web)))
+    monkeypatch.setattr(screenshot, "screenshot", draw)
+    return calls
+
+
+def test_a_run_is_found_by_folder_and_by_name(
+    looked_at: list[tuple[Any, ...]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs" / "monday").mkdir(parents=True)
+    assert cli.exit_code(["inspect", "monday"]) == 0
+    assert cli.exit_code(["inspect", "runs/monday", "--web"]) == 0
+    assert looked_at == [(Path("runs/monday"), False), (Path("runs/monday"), True)]
+
+
+def test_a_picture_is_drawn_and_what_the_viewer_complains_of_is_told(
+    looked_at: list[tuple[Any, ...]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    png = tmp_path / "run.png"
+    assert cli.exit_code(["inspect", str(tmp_path), "--png", str(png), "--at", "4"]) == 0
+    assert looked_at == [(tmp_path, png, 4)]
+    assert capsys.readouterr() == ("", "warning: plan: error: too long\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("inspect tuesday", "tuesday: there is no such run; the latest in runs is monday"),
+        ("inspect monday", "trace.rrd"),
+        ("inspect monday --at 3", "--at: goes with --png"),
+        ("inspect monday --web --png x.png", "--web"),
+        ("inspect monday --png no/such/folder/x.png", "no/such/folder"),
+    ],
+)
+def test_what_cannot_be_inspected_is_bad_input(
+    line: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs" / "monday").mkdir(parents=True)
+    assert cli.exit_code(line.split()) == 2
+    assert says in one_error_line(capsys)
 
 
 def test_without_arguments_it_helps(capsys: pytest.CaptureFixture[str]) -> None:
