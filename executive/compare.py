@@ -15,9 +15,9 @@ from executive.types import Atom, Facts, Step, Verdict
 
 def compare(expected: Facts, seen: Facts) -> Verdict:
     """Hold an expectation against what was seen: each of its atoms holds, is violated, or is unknown."""
-    known = expected.keys() & seen.keys()
-    holds = frozenset(atom for atom in known if seen[atom] is expected[atom])
-    return Verdict(holds, frozenset(known - holds), frozenset(expected.keys() - known))
+    told = {atom: seen[atom] is value for atom, value in expected.items() if atom in seen}
+    holds = frozenset(atom for atom, is_so in told.items() if is_so)
+    return Verdict(holds, frozenset(told.keys() - holds), frozenset(expected.keys() - told.keys()))
 
 
 def progress(facts: Facts, step: Step) -> Facts:

@@ -89,6 +89,9 @@ class Facts(Mapping[Atom, bool]):
     def __getitem__(self, atom: Atom) -> bool:
         return self._truth[atom]
 
+    def __contains__(self, atom: object) -> bool:
+        return atom in self._truth
+
     def __iter__(self) -> Iterator[Atom]:
         return iter(self._truth)
 
