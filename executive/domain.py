@@ -21,10 +21,12 @@ from typing import Literal, NoReturn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.errors import DomainError, nearest
-from executive.pddl import Schema, read_task
+from executive.pddl import Schema, read_task, read_vocabulary
 from executive.types import Task
 
 MANIFEST = "domain.toml"
+DOMAIN, PROBLEM, QUESTIONS, INSTRUCTIONS = "domain.pddl", "problem.pddl", "questions.toml", "instructions.md"
+"""What the files of a folder without a manifest are called."""
 LARGEST = 10_000_000
 """Bytes; no file of a domain is larger."""
 
@@ -36,12 +38,28 @@ _ASSIGNMENT = re.compile(r"""\s*([\w\-."' ]+?)\s*=""")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """What an estimator is asked about: a task's atoms, and the files that say it in words.
+
+    `pddl` is the domain's PDDL file, `questions` the templates of its questions and `instructions` the text on how
+    things look, both where there are any; `executive.s3e` reads them.
+    """
+
+    name: str
+    task: Task
+    pddl: Path
+    questions: Path | None = None
+    instructions: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Domain:
     """A domain and one of its problems, checked.
 
     `parsed` is what a planner is made from; `skills` maps each action to the name of the skill that carries it out,
     `relations` each predicate to the name of the relation that is its truth in the simulator; `scene` is the file that
-    the world is built from, and `files` are all the files that were read or located.
+    the world is built from, `subject` is what an estimator is asked about, and `files` are all the files that were read
+    or located.
     """
 
     name: str
@@ -54,6 +72,7 @@ class Domain:
     scene: Path
     skills: Mapping[str, str]
     relations: Mapping[str, str]
+    subject: Subject
     files: tuple[Path, ...]
 
 
@@ -79,6 +98,8 @@ class _Manifest(_Table):
     description: str = ""
     domain: str
     problem: str
+    questions: str | None = None
+    instructions: str | None = None
     world: _World
     actions: dict[str, _Action] = {}
     predicates: dict[str, _Predicate] = {}
@@ -114,14 +135,17 @@ def load_domain(
     domain_file = source.file(manifest.domain, "domain")
     default = source.file(manifest.problem, "problem")
     problem_file = default if problem is None else _problem(folder, problem)
+    questions, instructions = source.words(manifest)
     scene = source.file(manifest.world.scene, "world.scene")
     parsed = read_task(domain_file, problem_file)
     skill_of = {name: table.skill for name, table in manifest.actions.items()}
     relation_of = {name: table.relation for name, table in manifest.predicates.items()}
     source.check("actions", "skill", parsed.actions, skill_of, skills)
     source.check("predicates", "relation", parsed.predicates, relation_of, relations)
+    name = folder.resolve().name
+    files = (source.path, domain_file, problem_file, scene, questions, instructions)
     return Domain(
-        name=folder.resolve().name,
+        name=name,
         folder=folder,
         title=manifest.title,
         description=manifest.description,
@@ -131,8 +155,37 @@ def load_domain(
         scene=scene,
         skills=MappingProxyType(skill_of),
         relations=MappingProxyType(relation_of),
-        files=(source.path, domain_file, problem_file, scene),
+        subject=Subject(name, parsed.task, domain_file, questions, instructions),
+        files=tuple(file for file in files if file is not None),
     )
+
+
+def load_subject(where: str | Path, problem: str | None = None) -> Subject:
+    """Read what can be estimated in a domain folder, or in a shipped domain by its name. Nothing else of it needs to be
+    there or supported: actions of any kind, numbers, no skills, no scene.
+
+    A folder without a manifest has its domain in domain.pddl and, unless `problem` names another one, its problem in
+    problem.pddl; questions.toml and instructions.md are taken where they are there.
+
+    Raises:
+        DomainError: the first mistake, in one line with its file and key.
+    """
+    folder = Path(where)
+    if (folder / DOMAIN).is_file() and not (folder / MANIFEST).exists():
+        domain_file = _inside(folder, folder / DOMAIN)
+        problem_file = _inside(folder, folder / PROBLEM) if problem is None else _problem(folder, problem)
+        questions, instructions = (
+            _inside(folder, folder / name) if (folder / name).exists() else None for name in (QUESTIONS, INSTRUCTIONS)
+        )
+    else:
+        source = _Source(folder := _locate(where))
+        manifest = source.manifest()
+        domain_file = source.file(manifest.domain, "domain")
+        default = source.file(manifest.problem, "problem")
+        problem_file = default if problem is None else _problem(folder, problem)
+        questions, instructions = source.words(manifest)
+    task = read_vocabulary(domain_file, problem_file)
+    return Subject(folder.resolve().name, task, domain_file, questions, instructions)
 
 
 def _locate(where: str | Path) -> Path:
@@ -223,6 +276,12 @@ class _Source:
             return _inside(self.folder, self.folder / name)
         except DomainError as error:
             self.fail(key.split("."), f"{name!r}: {error.message}")
+
+    def words(self, manifest: _Manifest) -> tuple[Path | None, Path | None]:
+        """The files of questions and instructions, where the manifest names them."""
+        questions = None if manifest.questions is None else self.file(manifest.questions, "questions")
+        instructions = None if manifest.instructions is None else self.file(manifest.instructions, "instructions")
+        return questions, instructions
 
     def check(
         self, table: str, key: str, declared: Collection[str], given: Mapping[str, str], known: Collection[str] | None

@@ -66,9 +66,12 @@ class Form:
 
 
 class PddlFile:
-    """One PDDL file: its sections, and a way to complain about a line of it."""
+    """One PDDL file: its sections, and a way to complain about a line of it.
 
-    def __init__(self, path: Path, kind: str) -> None:
+    With `only`, these sections are read and every other one that PDDL has is passed over, supported or not.
+    """
+
+    def __init__(self, path: Path, kind: str, only: frozenset[str] | None = None) -> None:
         self.path = path
         definition = self._parse()
         name = definition.rest[0] if definition.rest else None
@@ -78,7 +81,8 @@ class PddlFile:
         self.actions: list[Form] = []
         self._sections: dict[str, Form] = {}
         for form in definition.rest[1:]:
-            self._add(form, _SECTIONS[kind])
+            if only is None or form.head in only or form.head not in _SECTIONS[kind] | _REFUSED.keys():
+                self._add(form, only or _SECTIONS[kind])
 
     def fail(self, line: int, message: str) -> NoReturn:
         raise DomainError(message, file=self.path, key=f"line {line}")
@@ -128,7 +132,7 @@ class PddlFile:
 
     def _add(self, form: Form, valid: frozenset[str]) -> None:
         name = form.head
-        if name in _REFUSED:
+        if name in _REFUSED and name not in valid:
             self.fail(form.line, f"{name} is not supported: {_REFUSED[name]}")
         if name not in valid:
             self.fail(form.line, f"unknown section {shorten(form)}; {nearest(name, valid)}")

@@ -35,6 +35,7 @@ class _Words:
     objects: dict[str, str] = field(default_factory=dict)
     predicates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     parameters: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    functions: list[str] = field(default_factory=list)
 
     @property
     def typing(self) -> Typing:
@@ -83,6 +84,15 @@ class _Words:
             self.parameters[name] = tuple(variable.removeprefix("?") for _, variable, _ in parameters)
         if not self.predicates:
             file.fail(section.line if section else 1, "declares no predicates")
+
+    def declare_functions(self, file: PddlFile) -> None:
+        section = file.section(":functions")
+        forms = iter(section.rest if section else ())
+        for form in forms:
+            if form.word == "-":  # and the type of what the functions before it give
+                next(forms, None)
+            else:
+                self.functions.append(file.identifier(form.items[0] if form.items else form, "a function"))
 
     def literal(self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str) -> Literal:
         """An atom over the variables in scope and the objects, checked against the predicate's declaration."""
@@ -156,10 +166,8 @@ def read_task(domain: Path, problem: Path) -> Schema:
     Raises:
         DomainError: naming the file and the line of the first mistake, or of the first thing that is not supported.
     """
-    words, source = _Words(), PddlFile(domain, "domain")
-    words.declare_types(source)
-    words.declare_objects(source, ":constants")
-    words.declare_predicates(source)
+    source = PddlFile(domain, "domain")
+    words = _declared(source)
     actions: dict[str, Action] = {}
     for form in source.actions:
         action = _action(words, source, form)
@@ -170,15 +178,57 @@ def read_task(domain: Path, problem: Path) -> Schema:
         source.fail(1, "declares no actions")
 
     file = PddlFile(problem, "problem")
+    _declare_problem(words, source, file)
+    return _schema(words, source, file, actions)
+
+
+def read_vocabulary(domain: Path, problem: Path) -> Task:
+    """Read what there is to ask about, for whoever estimates and does not plan: a task with all its atoms, without a
+    goal. Whatever else the files say is passed over, supported or not; numeric fluents are named.
+
+    Raises:
+        DomainError: naming the file and the line of the first mistake in what is read.
+    """
+    source = PddlFile(
+        domain, "domain", frozenset([":requirements", ":types", ":constants", ":predicates", ":functions"])
+    )
+    words = _declared(source)
+    words.declare_functions(source)
+    file = PddlFile(problem, "problem", frozenset([":domain", ":requirements", ":objects"]))
+    _declare_problem(words, source, file)
+    parameters, numeric = dict(words.parameters), tuple(words.functions)
+    atoms = _atoms(words, file)
+    return Task(source.name, file.name, dict(words.objects), atoms, Facts(), parameters=parameters, numeric=numeric)
+
+
+def _declared(source: PddlFile) -> _Words:
+    """What a domain file declares."""
+    words = _Words()
+    words.declare_types(source)
+    words.declare_objects(source, ":constants")
+    words.declare_predicates(source)
+    return words
+
+
+def _declare_problem(words: _Words, source: PddlFile, file: PddlFile) -> None:
+    """Add the objects of a problem, once it is clear that it is one of this domain."""
     named = file.section(":domain")
     if named is None or len(named.rest) != 1:
         file.fail(1, "expected (:domain <name>)")
     if named.rest[0].word != source.name:
-        file.fail(named.line, f"is for domain {named.rest[0]}, and {domain.name} defines {source.name}")
+        file.fail(named.line, f"is for domain {named.rest[0]}, and {source.path.name} defines {source.name}")
     words.declare_objects(file, ":objects")
     if not words.objects:
         file.fail(1, "there are no objects")
-    return _schema(words, source, file, actions)
+
+
+def _atoms(words: _Words, problem: PddlFile) -> tuple[Atom, ...]:
+    """Every predicate over every tuple of objects that fits its types."""
+    tuples = ((name, args) for name, kinds in words.predicates.items() for args in words.typing.tuples(kinds))
+    atoms = tuple(Atom(name, args) for name, args in islice(tuples, MOST_ATOMS + 1))
+    if len(atoms) > MOST_ATOMS:
+        raise DomainError(f"there are more than {MOST_ATOMS} atoms", file=problem.path, key=":objects")
+    return atoms
 
 
 def _action(words: _Words, file: PddlFile, form: Form) -> Action:
@@ -220,11 +270,7 @@ def _schema(words: _Words, domain: PddlFile, problem: PddlFile, actions: Mapping
         size = typing.size(action.preconditions) + typing.size(action.effects)
         if size > MOST_ATOMS:
             raise DomainError(f"action {action.name} has {size} conditions once written out", file=domain.path)
-    tuples = ((name, args) for name, kinds in words.predicates.items() for args in typing.tuples(kinds))
-    atoms = tuple(Atom(name, args) for name, args in islice(tuples, MOST_ATOMS + 1))
-    if len(atoms) > MOST_ATOMS:
-        raise DomainError(f"there are more than {MOST_ATOMS} atoms", file=problem.path, key=":objects")
-
+    atoms = _atoms(words, problem)
     declared: set[Atom] = set()
     init = problem.section(":init")
     for form in init.rest if init else ():
