@@ -13,6 +13,7 @@ import typer.main
 
 from executive import cli
 from executive.errors import MissingError
+from executive.faults import parse_fault
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -51,6 +52,19 @@ def test_make_targets_exist() -> None:
     named |= {line.split()[1] for line in shell_lines() if line.startswith("make ")}
     assert {"run", "test", "setup"} <= named
     assert named <= targets
+
+
+@pytest.mark.parametrize("spec", re.findall(r"^\| `([^`]+)` \| ", README, flags=re.MULTILINE))
+def test_faults_are_faults(spec: str) -> None:
+    parse_fault(spec)
+
+
+def test_python_finds_what_it_imports() -> None:
+    for block in re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL):
+        compile(block, "README.md", "exec")
+        for line in block.splitlines():
+            if line.startswith(("import ", "from ")):
+                exec(line, {})
 
 
 def test_exit_codes_are_those_of_the_command_line() -> None:
