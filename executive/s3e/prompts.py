@@ -51,12 +51,12 @@ own `instructions.md` says how its own items look."""
 
 def translation(domain: str, objects: Mapping[str, str]) -> str:
     """`TRANSLATION` for a domain, given as the text of its PDDL file, and its objects, each with its type."""
-    return TRANSLATION.format(DOMAIN=domain, OBJECTS_BY_TYPE=objects_by_type(objects))
+    return TRANSLATION.format(DOMAIN=domain.strip(), OBJECTS_BY_TYPE=objects_by_type(objects))
 
 
 def no_translation(domain: str, objects: Mapping[str, str]) -> str:
     """`NO_TRANSLATION`, filled in like `translation`."""
-    return NO_TRANSLATION.format(DOMAIN=domain, OBJECTS_BY_TYPE=objects_by_type(objects))
+    return NO_TRANSLATION.format(DOMAIN=domain.strip(), OBJECTS_BY_TYPE=objects_by_type(objects))
 
 
 def objects_by_type(objects: Mapping[str, str]) -> str:

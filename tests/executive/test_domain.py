@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from executive.domain import LARGEST, Domain, list_domains, load_domain
+from executive.domain import LARGEST, Domain, list_domains, load_domain, load_subject
 from executive.errors import DomainError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,8 +63,11 @@ def test_the_shipped_domain_is_found_by_name_from_anywhere(tmp_path: Path, monke
         "robot-gripper-empty": "gripper-empty",
     }
     assert domain.task is domain.parsed.task
-    assert [file.name for file in domain.files] == ["domain.toml", "domain.pddl", "problem.pddl", "scene.toml"]
-    assert domain.scene == domain.files[-1]
+    read = ["domain.toml", "domain.pddl", "problem.pddl", "scene.toml", "questions.toml", "instructions.md"]
+    assert [file.name for file in domain.files] == read
+    assert (domain.scene, domain.subject.questions, domain.subject.instructions) == domain.files[3:]
+    assert domain.subject.task is domain.task
+    assert domain.subject.pddl == domain.files[1]
 
 
 def test_problems_are_found_by_name_and_by_path(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,31 +116,33 @@ MISTAKES = {
     "missing key": ('title = "Two', '# = "Two', "domain.toml: title: is missing"),
     "empty title": ('"Two cubes and a tray"', '""', "line 3: title: should have at least 1 character, got ''"),
     "wrong type": ('"Two cubes and a tray"', "7", "line 3: title: should be a valid string, got 7"),
-    "unknown world": ('"mujoco"', '"gazebo"', "line 8: world.kind: should be 'mujoco', got 'gazebo'"),
-    "missing key of a table": ('scene = "scene.toml"', "", "line 7: world.scene: is missing"),
-    "unknown key of a table": ("skill =", "skil =", "line 12: actions.lift.skil: unknown key; did you mean 'skill'?"),
-    "missing table": ("[world]", "[word]", "line 7: word: unknown key; did you mean 'world'?"),
+    "unknown world": ('"mujoco"', '"gazebo"', "line 10: world.kind: should be 'mujoco', got 'gazebo'"),
+    "missing key of a table": ('scene = "scene.toml"', "", "line 9: world.scene: is missing"),
+    "unknown key of a table": ("skill =", "skil =", "line 14: actions.lift.skil: unknown key; did you mean 'skill'?"),
+    "missing table": ("[world]", "[word]", "line 9: word: unknown key; did you mean 'world'?"),
     "text for a table": (
-        "[actions.lift]\nskill", "[actions]\nlift", "line 12: actions.lift: should be a table, got 'pick'",
+        "[actions.lift]\nskill", "[actions]\nlift", "line 14: actions.lift: should be a table, got 'pick'",
     ),
     "unknown action": (
-        "[actions.lift]", "[actions.lifd]", "line 11: actions.lifd: there is no action 'lifd' in the PDDL; did you",
+        "[actions.lift]", "[actions.lifd]", "line 13: actions.lifd: there is no action 'lifd' in the PDDL; did you",
     ),
     "forgotten action": (
         '[actions.drop]\nskill = "place"', "", "domain.toml: actions.drop: is missing: name the skill",
     ),
     "unknown skill": (
-        '"place"', '"palce"', "line 15: actions.drop.skill: no skill 'palce' is registered; did you mean 'place'?",
+        '"place"', '"palce"', "line 17: actions.drop.skill: no skill 'palce' is registered; did you mean 'place'?",
     ),
     "unknown predicate": (
-        "[predicates.holding]", "[predicates.held]", "line 20: predicates.held: there is no predicate 'held'",
+        "[predicates.holding]", "[predicates.held]", "line 22: predicates.held: there is no predicate 'held'",
     ),
     "forgotten predicate": (
         '[predicates.holding]\nrelation = "gripping"', "", "predicates.holding: is missing: name the relation",
     ),
     "unknown relation": ('"gripping"', '"griping"', "no relation 'griping' is registered; did you mean 'gripping'?"),
     "no such file": ('"domain.pddl"', '"domian.pddl"', "line 4: domain: 'domian.pddl': there is no such file"),
-    "no scene": ('"scene.toml"', '"scenes/one.toml"', "line 9: world.scene: 'scenes/one.toml': there is no such file"),
+    "no scene": ('"scene.toml"', '"scenes/one.toml"', "line 11: world.scene: 'scenes/one.toml': there is no such file"),
+    "no questions": ('"questions.toml"', '"asked.toml"', "line 6: questions: 'asked.toml': there is no such file"),
+    "no instructions": ('"instructions.md"', '"../a.md"', "line 7: instructions: '../a.md' is not a path inside the"),
     "a folder for a file": ('"problem.pddl"', '"problems"', "line 5: problem: 'problems': is not a file"),
     "an empty path": ('"problem.pddl"', '""', "line 5: problem: '': is not a file"),
     "an absolute path": (
@@ -170,6 +175,36 @@ def test_a_mistake_in_the_pddl_is_named(folder: Path) -> None:
     edit(folder, "(holding ?cube - cube)", "(holding ?cube - cub)", "domain.pddl")
     kinds = "bench, cube, object, support, tray"
     assert said(folder) == f"domain.pddl: line 9: unknown type cub; did you mean 'cube'? valid: {kinds}"
+
+
+def test_what_is_estimated_is_read_from_a_folder_with_a_manifest(folder: Path) -> None:
+    subject, domain = load_subject(folder), load(folder)
+    assert (subject.name, subject.task.atoms, subject.task.objects) == ("tray", domain.task.atoms, domain.task.objects)
+    assert (subject.pddl, subject.questions, subject.instructions) == (domain.files[1], *domain.files[4:])
+    assert load_subject("grocery", "one-item").task.problem == "one-item"
+
+
+def test_what_is_estimated_needs_no_manifest(folder: Path) -> None:
+    for name in ("domain.toml", "scene.toml", "instructions.md"):
+        (folder / name).unlink()
+    subject = load_subject(folder)
+    assert subject.task.atoms == load_subject(TRAY).task.atoms
+    assert (subject.questions, subject.instructions) == (folder / "questions.toml", None)
+    assert load_subject(folder, "fill-tray").task.problem == "fill-tray"
+    (folder / "domain.pddl").unlink()
+    with pytest.raises(DomainError, match=r"there is no domain\.toml in this folder"):
+        load_subject(folder)
+
+
+def test_what_is_estimated_needs_no_skill_and_no_action_that_could_be_planned_with(folder: Path) -> None:
+    edit(folder, ":precondition (holding ?cube)", ":precondition (or (holding ?cube) (hand-free))", "domain.pddl")
+    edit(folder, "(:action drop", "(:functions (weight ?cube - cube) - number) (:action drop", "domain.pddl")
+    edit(folder, "(hand-free)", "(hand-free) (= (weight red-cube) 3)", "problem.pddl")
+    edit(folder, 'skill = "pick"', 'skill = "juggle"')
+    assert "line 19: :functions is not supported: numeric fluents" in said(folder)
+    subject = load_subject(folder)
+    assert subject.task.numeric == ("weight",)
+    assert subject.task.atoms == load_subject(TRAY).task.atoms
 
 
 @pytest.mark.parametrize("file", ["domain.toml", "domain.pddl", "problem.pddl", "scene.toml"])
