@@ -161,8 +161,12 @@ def _smolvlm(tokenizer: Any, size: Size, splitting: bool) -> _Made:
 def _qwen(tokenizer: Any, size: Size, splitting: bool) -> _Made:
     from transformers import Qwen2_5_VLConfig, Qwen2_5_VLForConditionalGeneration, Qwen2VLImageProcessorPil
 
-    names = ("image_token_id", "<image>"), ("video_token_id", "<video>")
-    names += ("vision_start_token_id", "<|vision_start|>"), ("vision_end_token_id", "<|vision_end|>")
+    marks = {
+        "image_token_id": "<image>",
+        "video_token_id": "<video>",
+        "vision_start_token_id": "<|vision_start|>",
+        "vision_end_token_id": "<|vision_end|>",
+    }
     sections = size.width // size.heads // 2
     config = Qwen2_5_VLConfig(
         vision_config={
@@ -183,7 +187,7 @@ def _qwen(tokenizer: Any, size: Size, splitting: bool) -> _Made:
                 "mrope_section": [sections - 2 * (sections // 3), sections // 3, sections // 3],
             },
         },
-        **{key: tokenizer.convert_tokens_to_ids(token) for key, token in names},
+        **{key: tokenizer.convert_tokens_to_ids(mark) for key, mark in marks.items()},
     )
     pixels = size.picture**2
     prepare = Qwen2VLImageProcessorPil(

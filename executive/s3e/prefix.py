@@ -1,0 +1,179 @@
+"""The beginning that all prompts of a look share, pictures included, run through the model once.
+
+What a decoder computes for a token depends on the tokens before it alone. So the keys and values of the beginning are
+kept, and each question costs its own tokens only. Many questions go through together, laid end to end in one row: a
+mask lets each token see the beginning and the earlier tokens of its own question, and its position is the one that it
+would have if its question were the only one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import torch
+
+AT_ONCE = 512
+"""Question tokens that go through the model together. Fewer waste a machine's parallelism, more waste work on pairs of
+questions that must not see each other, and memory for their mask."""
+
+
+class UnsupportedError(Exception):
+    """This model does not keep what a shared beginning needs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Suffix:
+    """What a prompt goes on with after the first `shared` tokens of the beginning."""
+
+    shared: int
+    tokens: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """What prompts that differ in their question alone have in common, as tokens.
+
+    `text` are the tokens as the tokenizer makes them from the rendered text, where a picture is a single mark or so;
+    `length` is how many the model takes for them, where a picture is as many tokens as the processor puts in. After
+    the first `pictured` of `text` no picture comes any more, and the two agree one by one.
+    """
+
+    text: tuple[int, ...]
+    length: int
+    pictured: int
+
+    @classmethod
+    def between(cls, one: Sequence[int], another: Sequence[int], taken: Sequence[int]) -> Beginning:
+        """The common beginning of two prompts' tokens, where `taken` is what the model takes for `one`.
+
+        Raises:
+            UnsupportedError: they part before the last picture.
+        """
+        common = _common(one, another)
+        alike = _common(one[::-1], taken[::-1])
+        pictured = len(one) - alike
+        if common < max(1, pictured):
+            raise UnsupportedError("its prompts differ before the last picture")
+        return cls(tuple(one[:common]), len(taken) - (len(one) - common), pictured)
+
+    def suffix(self, prompt: Sequence[int]) -> Suffix | None:
+        """What is to be run for a prompt, given its tokens. None when it parts from the beginning before the last
+        picture.
+
+        A question may change how the end of the beginning is cut into tokens (a newline before it, joined with a
+        newline that it starts with). It then shares that much less; prefix and suffix together are always exactly the
+        tokens of the whole prompt.
+        """
+        shared = min(_common(self.text, prompt), len(prompt) - 1)
+        if shared < self.pictured:
+            return None
+        return Suffix(self.length - (len(self.text) - shared), tuple(prompt[shared:]))
+
+
+class Prefix:
+    """A beginning inside a model.
+
+    Args:
+        model: a transformers decoder that takes pictures.
+        inputs: what it takes for a whole prompt: tensors of one row.
+        beginning: how much of that is the beginning.
+
+    Raises:
+        UnsupportedError: the model keeps something else than keys and values of every token.
+        Exception: whatever a model raises that does not take what it is given here.
+    """
+
+    def __init__(self, model: Any, inputs: Mapping[str, Any], beginning: Beginning) -> None:
+        import torch
+        from transformers import DynamicCache
+        from transformers.cache_utils import DynamicLayer
+
+        whole, length = inputs["input_ids"].shape, beginning.length
+        begun = {name: value[:, :length] if _is_row(value, whole) else value for name, value in inputs.items()}
+        self._model, self._beginning = model, beginning
+        cache = DynamicCache(config=model.config)
+        with torch.inference_mode():
+            model(**begun, past_key_values=cache, use_cache=True, logits_to_keep=1)
+        if any(type(layer) is not DynamicLayer or layer.get_seq_length() != length for layer in cache.layers):
+            kinds = sorted({type(layer).__name__ for layer in cache.layers})
+            raise UnsupportedError(f"it keeps something else than keys and values of every token ({', '.join(kinds)})")
+        self._cache: Any = cache
+        self._start = length + _shift(model)
+
+    def suffix(self, prompt: Sequence[int]) -> Suffix | None:
+        """`Beginning.suffix`."""
+        return self._beginning.suffix(prompt)
+
+    def logits(self, suffixes: Sequence[Suffix]) -> Iterator[torch.Tensor]:
+        """For each suffix, in order, the model's output after its last token: (V,) float32."""
+        for group in groups(suffixes):
+            yield from self._run(group)
+
+    def _run(self, group: Sequence[Suffix]) -> torch.Tensor:
+        import torch
+
+        model, cache, begun = self._model, self._cache, self._beginning.length
+        device, dtype = model.device, model.dtype
+        lengths = torch.tensor([len(suffix.tokens) for suffix in group])
+        shared = torch.tensor([suffix.shared for suffix in group])
+        owner = torch.repeat_interleave(torch.arange(len(group)), lengths)
+        ends = lengths.cumsum(0)
+        place = torch.arange(len(owner))
+        offset = place - (ends - lengths)[owner]
+        own = (owner[:, None] == owner[None, :]) & (place[:, None] >= place[None, :])
+        seen = torch.arange(begun)[None, :] < shared[owner][:, None]
+        # Added to the scores rather than a boolean, which each layer would have to convert.
+        mask = torch.zeros(len(owner), begun + len(owner), dtype=dtype)
+        mask.masked_fill_(~torch.cat([seen, own], dim=1), torch.finfo(dtype).min)
+        positions = self._start - (begun - shared)[owner] + offset
+        try:
+            with torch.inference_mode():
+                output = model(
+                    input_ids=torch.tensor([[token for suffix in group for token in suffix.tokens]], device=device),
+                    attention_mask=mask[None, None].to(device),
+                    position_ids=positions[None].to(device),
+                    past_key_values=cache,
+                    use_cache=True,
+                    logits_to_keep=(ends - 1).to(device),
+                )
+                cache.crop(-len(owner))
+        except BaseException:
+            self._cache = None  # some layers may have taken the questions in, and others not
+            raise
+        logits: torch.Tensor = output.logits[0].float()
+        return logits
+
+
+def groups(suffixes: Sequence[Suffix], most: int = AT_ONCE) -> Iterator[Sequence[Suffix]]:
+    """Consecutive suffixes of at most `most` tokens together, or a single one that is longer."""
+    start, tokens = 0, 0
+    for index, suffix in enumerate(suffixes):
+        if tokens and tokens + len(suffix.tokens) > most:
+            yield suffixes[start:index]
+            start, tokens = index, 0
+        tokens += len(suffix.tokens)
+    if suffixes:
+        yield suffixes[start:]
+
+
+def _shift(model: Any) -> int:
+    """How far the position of the token after the beginning is from the number of tokens before it.
+
+    Qwen2-VL and its relatives count a picture's tokens in two dimensions (M-RoPE), so that text goes on from a smaller
+    position than its index; their model leaves the difference in `rope_deltas` after each prefill.
+    """
+    deltas = getattr(getattr(model, "model", None), "rope_deltas", None)
+    return 0 if deltas is None else int(deltas.reshape(-1)[0])
+
+
+def _is_row(value: Any, shape: Any) -> bool:
+    """Whether an input says something of each token."""
+    return getattr(value, "shape", None) == shape and not value.is_floating_point()
+
+
+def _common(one: Sequence[int], another: Sequence[int]) -> int:
+    """The length of the longest common beginning."""
+    return next((i for i, (a, b) in enumerate(zip(one, another, strict=False)) if a != b), min(len(one), len(another)))
