@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -100,7 +100,7 @@ class Attempt:
         hand = self.arm.kinematics.forward(self.body.joints())
         return Held(self.carried, poses.inverse(hand) @ poses.matrix(self.body.obstacles()[self.carried]))
 
-    def look_around(self, held: Held | None = None, ignored: Sequence[str] = ()) -> None:
+    def look_around(self, held: Held | None = None, ignored: Collection[str] = ()) -> None:
         """Bring the collision model up to date."""
         self.arm.collision.update(self.body.obstacles(), self.body.gripper_joints(), held, ignored)
 
@@ -218,6 +218,8 @@ def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) 
     except SkillError as failure:
         reason = failure.reason
         if failure.status is not SkillStatus.CANCELLED:
+            if failure.status is SkillStatus.DROPPED:
+                attempt.open_gripper()  # for all to see
             attempt.wait(0.4)  # let what fell come to rest
             if attempt.handle.home_pose:
                 try:

@@ -86,6 +86,13 @@ class CollisionModel:
         mujoco.mj_collision(self._model, self._data)
         return bool(self._data.ncon == 0)
 
+    def beside(self, q: FloatArray) -> frozenset[str]:
+        """The items that touch the held one at `q`."""
+        if self._held is None:
+            return frozenset()
+        names = {part.split("/")[0] for pair in self.touching(q) for part in pair if self._held.item in pair[0] + pair[1]}
+        return frozenset(names & self._items.keys()) - {self._held.item}
+
     def touching(self, q: FloatArray) -> list[tuple[str, str]]:
         """The pairs of bodies that touch at `q`: for messages and for tests."""
         self._place(q)

@@ -20,6 +20,9 @@ _WIDEST = 0.079
 _DEPTHS = (0.033, 0.020)
 """How far below an item's top the grip point may be, in m: the fingers' knuckles begin 34 mm above it."""
 
+_PAD = 0.022
+"""m from an item's end at which the pads, 22 mm wide, still press on it with all their face."""
+
 _LOWEST = 0.021
 """m between grip point and table: closed, the finger tips reach 18 mm beyond it."""
 
@@ -39,7 +42,8 @@ def candidates(item: FloatArray, shape: ItemShape, table_top: float) -> list[Flo
     """
     rotation = item[:3, :3]
     centre = item[:3, 3] + rotation @ shape.centre
-    result = []
+    result: list[FloatArray] = []
+    off_centre: list[FloatArray] = []
     for tilt in _TILTS:
         for closing in _closing_axes(rotation, shape):
             straight = -(_UP - (_UP @ closing) * closing)
@@ -49,15 +53,17 @@ def candidates(item: FloatArray, shape: ItemShape, table_top: float) -> list[Flo
             for depth in _DEPTHS:
                 point = centre - max(0.0, above - depth) * approach
                 point[2] = max(point[2], table_top + _LOWEST)
-                for sign in (1.0, -1.0):
-                    axis = sign * closing
-                    grasp = np.eye(4)
-                    grasp[:3, :3] = np.stack([axis, np.cross(approach, axis), approach], axis=1)
-                    grasp[:3, 3] = point
-                    result.append(grasp)
+                along = np.cross(approach, closing)
+                spare = shape.reach(rotation.T @ along) - _PAD
+                for offset in (0.0, spare, -spare) if spare > 0.02 and shape.axis != 2 else (0.0,):
+                    for sign in (1.0, -1.0):
+                        grasp = np.eye(4)
+                        grasp[:3, :3] = np.stack([sign * closing, sign * along, approach], axis=1)
+                        grasp[:3, 3] = point + offset * along
+                        (result if offset == 0.0 else off_centre).append(grasp)
                 if above <= depth:
                     break  # a flatter item is gripped at its centre either way
-    return result
+    return [*result, *off_centre]
 
 
 def _closing_axes(rotation: FloatArray, shape: ItemShape) -> list[FloatArray]:

@@ -96,7 +96,10 @@ def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> lis
             attempt.look_around(ignored=[item])
             if not all(arm.collision.free(point) for point in (*approach, *lift)):
                 continue
-            attempt.look_around(Held(item, poses.inverse(grasp) @ pose))
+            held = Held(item, poses.inverse(grasp) @ pose)
+            attempt.look_around(held)
+            # What leans on the item already cannot be kept clear of; it is drawn along a little.
+            attempt.look_around(held, ignored=arm.collision.beside(q))
             if not all(arm.collision.free(point) for point in lift[1:]):
                 continue
             cost = float(np.linalg.norm(approach[-1] - start)) + 0.02 * preference

@@ -28,7 +28,7 @@ def test_grocery_scene_is_read() -> None:
         ("speed = 0.5", "speed = nan", "robot.speed", "finite"),
         ('asset = "milk"', 'asset = "mlik"', "item[0]", "did you mean 'milk'"),
         ('asset = "milk"', 'shape = "box"', "item[0]", "'size'"),
-        ("home = [-0.35,", "home = [", "robot.home", "at least 6"),
+        ("home = [-0.3169,", "home = [", "robot.home", "at least 6"),
         ('texture = "wood"', 'texture = "gold"', "table[0].texture", "'wood'"),
         ('name = "lemon"', 'name = "wood-table"', "(whole file)", "named twice"),
         ("[robot]", "[robt]", "robot", "missing"),
