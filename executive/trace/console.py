@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import os
 from collections.abc import Mapping
 from typing import TextIO
@@ -14,5 +16,23 @@ def console_for(stream: TextIO, environment: Mapping[str, str] = os.environ) -> 
 
     Colour only on a terminal, and not where NO_COLOR is set (https://no-color.org) or TERM is "dumb".
     """
+    if isinstance(stream, io.TextIOWrapper) and not stream.encoding.lower().startswith("utf"):
+        stream.reconfigure(errors=_IN_ASCII)
     plain = bool(environment.get("NO_COLOR")) or environment.get("TERM") == "dumb"
     return Console(file=stream, markup=False, highlight=False, emoji=False, no_color=plain or None)
+
+
+def _in_ascii(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(_ASCII.get(each, "?") for each in error.object[error.start : error.end]), error.end
+
+
+_ASCII = {"✓": "+", "✗": "x", "▶": ">", "·": ".", "…": "~"}
+_IN_ASCII = "executive-in-ascii"
+codecs.register_error(_IN_ASCII, _in_ascii)
+
+
+def is_live(console: Console) -> bool:
+    """Whether lines on this console can be taken back: a terminal that moves its cursor, and colour is wanted."""
+    return console.is_terminal and not console.is_dumb_terminal and not console.no_color

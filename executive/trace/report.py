@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO, TypedDict
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 SUMMARY_FILE = "summary.json"
+_LABEL = 10
 STAGES = ("observe", "estimate", "plan", "motion", "skill", "other")
 """Where wall time goes: looking, estimating atoms, planning the task, planning motions, the rest of the skills (in a
 simulator, its physics), and all else (start-up, decisions, sinks)."""
@@ -155,10 +157,13 @@ def print_summary(summary: Summary, run: Path | str, stream: TextIO) -> None:
     rows.append(("actions", Text(_counts(summary))))
     rows += [("fault", Text(_fault(fault), "magenta")) for fault in summary["faults"]]
     rows.append(("time", Text(_times(summary))))
-    rows.append(("inspect", Text(f"executive inspect {run}", "bold")))
+    rows.append(("inspect", Text(f"executive inspect {shlex.quote(str(run))}", "bold")))
     for label, text in rows:
-        # One line a row, however long: a command that is to be copied must not be broken.
-        console.print(Text(f"{label:<10}", "dim") + text, soft_wrap=True)
+        # A command that is to be copied must not be broken, and in a pipe nothing must.
+        whole = label == "inspect" or not console.is_terminal
+        width = console.width - _LABEL
+        for index, line in enumerate([text] if whole else text.wrap(console, max(20, width))):
+            console.print(Text(f"{label if index == 0 else '':<{_LABEL}}", "dim") + line, soft_wrap=True)
 
 
 def print_runs(summaries: Sequence[Summary], stream: TextIO, labels: Sequence[str] = ()) -> None:

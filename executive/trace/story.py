@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TypeAlias
 
 from executive.types import (
     Atom,
@@ -31,6 +32,9 @@ from executive.types import (
     Step,
 )
 
+Remark: TypeAlias = FaultInjected | Decision | NoPlan
+"""What is worth telling at one point of the story: a fault, that there is no plan, a decision that is not routine."""
+
 
 class Mark(StrEnum):
     PENDING = "pending"
@@ -51,16 +55,17 @@ class StepLine:
     attempt: int = 0
     result: SkillResult | None = None
     note: str = ""
+    remarks: list[Remark] = field(default_factory=list)
 
 
 @dataclass
 class PlanLine:
-    """The `number`-th plan of the run, from 1, and why it was asked for."""
+    """The `number`-th plan of the run, from 1; `remarks` came before its first step."""
 
     number: int
     lines: list[StepLine]
-    cause: str
     plan: Plan
+    remarks: list[Remark] = field(default_factory=list)
 
 
 class Standing(StrEnum):
@@ -95,6 +100,8 @@ class Story:
     compared_step: Step | None = None
     decisions: list[tuple[Event, Decision]] = field(default_factory=list)
     faults: list[tuple[Event, FaultInjected]] = field(default_factory=list)
+    opening: list[Remark] = field(default_factory=list)
+    """What was worth telling before there was a plan."""
     cycle: int = 0
     time: float = 0.0
     actions: int = 0
@@ -142,12 +149,14 @@ class Story:
                 self._replace(plan)
             case NoPlan() as no_plan:
                 self.no_plan = no_plan
+                self._remark(no_plan)
             case Dispatched() as dispatched:
                 self._dispatch(dispatched)
             case Phase(name=name):
                 self.phase = name
             case FaultInjected() as fault:
                 self.faults.append((event, fault))
+                self._remark(fault)
             case SkillResult() as result:
                 self._finish(result)
             case Compared() as compared:
@@ -175,8 +184,7 @@ class Story:
     def _replace(self, plan: Plan) -> None:
         if self.plans:
             self._drop_rest()
-        cause = self.decisions[-1][1].reason if self.plans and self.decisions else ""
-        self.plans.append(PlanLine(len(self.plans) + 1, [StepLine(step) for step in plan.steps], cause, plan))
+        self.plans.append(PlanLine(len(self.plans) + 1, [StepLine(step) for step in plan.steps], plan))
         self.no_plan, self.phase = None, "plan"
 
     def _drop_rest(self) -> None:
@@ -231,8 +239,21 @@ class Story:
     def _decide(self, event: Event, decision: Decision) -> None:
         self.decisions.append((event, decision))
         line = self._current
-        if decision.kind is DecisionKind.CONTINUE and line and line.result and line.mark is Mark.CURRENT:
+        routine = decision.kind is DecisionKind.CONTINUE
+        if routine and line and line.result and line.mark is Mark.CURRENT:
             line.mark = Mark.DONE
+        told_later = decision.kind is DecisionKind.STOP  # by the end of the run
+        if not told_later and (not routine or (line and line.result and not line.result.done)):
+            self._remark(decision)
+
+    def _remark(self, remark: Remark) -> None:
+        plan = self.plan
+        if plan is None:
+            self.opening.append(remark)
+        elif self._current is not None and any(line is self._current for line in plan.lines):
+            self._current.remarks.append(remark)
+        else:
+            plan.remarks.append(remark)
 
     def _end(self, ended: Ended) -> None:
         self.ended, self.phase = ended, ""

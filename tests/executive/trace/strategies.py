@@ -1,0 +1,158 @@
+"""Payloads of every kind, for laws that hold for all of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, get_args
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from executive.types import (
+    Atom,
+    Belief,
+    Compared,
+    Decision,
+    DecisionKind,
+    Dispatched,
+    Ended,
+    Event,
+    Evidence,
+    Facts,
+    FaultInjected,
+    Frame,
+    Motion,
+    NoPlan,
+    NoPlanReason,
+    Observation,
+    OutcomeKind,
+    Payload,
+    Phase,
+    Plan,
+    Questions,
+    Revised,
+    Scenery,
+    SkillResult,
+    SkillStatus,
+    Started,
+    Step,
+    Task,
+    Timing,
+    Verdict,
+)
+
+names = st.from_regex(r"[a-z][a-z0-9_\-]{0,8}", fullmatch=True)
+texts = st.text(max_size=30)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+seconds = st.floats(0, 1e6)
+counts = st.integers(0, 10**6)
+atoms = st.builds(Atom, names, st.lists(names, max_size=3).map(tuple))
+facts = st.dictionaries(atoms, st.booleans(), max_size=5).map(Facts)
+steps = st.builds(Step, names, st.lists(names, max_size=3).map(tuple), facts, facts)
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**40), 2**40) | finite | texts,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
+    max_leaves=5,
+)
+
+
+def numbers(*shape: int) -> st.SearchStrategy[np.ndarray[Any, np.dtype[np.float64]]]:
+    return hnp.arrays(np.float64, shape, elements=st.floats(-100, 100).map(lambda value: round(value, 4)))
+
+
+@st.composite
+def tasks(draw: st.DrawFn) -> Task:
+    universe = draw(st.lists(atoms, unique=True, max_size=6))
+    goal = Facts({atom: draw(st.booleans()) for atom in universe[:2]})
+    objects = draw(st.dictionaries(names, names, max_size=4))
+    parameters = draw(st.dictionaries(names, st.lists(names, max_size=2).map(tuple), max_size=2))
+    declared, numeric = frozenset(universe[2:4]), tuple(draw(st.lists(names, max_size=2)))
+    return Task(draw(names), draw(names), objects, tuple(universe), goal, declared, parameters, numeric)
+
+
+@st.composite
+def observations(draw: st.DrawFn) -> Observation:
+    shape = draw(st.tuples(st.integers(1, 20), st.integers(1, 20), st.just(3)))
+    shade = draw(st.integers(0, 255))
+    images = {camera: np.full(shape, shade, np.uint8) for camera in draw(st.lists(texts, unique=True, max_size=2))}
+    return Observation(draw(counts), draw(seconds), images, draw(numbers(6)), draw(texts))
+
+
+@st.composite
+def beliefs(draw: st.DrawFn) -> Belief:
+    asked = draw(st.lists(atoms, unique=True, max_size=8))
+    silent = frozenset(asked[:2])
+    probability = {atom: draw(st.floats(0, 1)) for atom in asked[2:]}
+    answers = st.lists(st.builds(Evidence, st.lists(texts, max_size=2).map(tuple), finite, finite, texts), max_size=2)
+    return Belief(draw(counts), probability, silent, draw(texts), {atom: tuple(draw(answers)) for atom in asked[:3]})
+
+
+@st.composite
+def motions(draw: st.DrawFn) -> Motion:
+    count = draw(st.integers(1, 12))
+    cost = draw(st.one_of(st.floats(0, 100), st.just(math.nan), st.just(math.inf)))
+    return Motion(draw(numbers(count, 6)), draw(numbers(count, 3)), draw(seconds), draw(texts), draw(seconds), cost)
+
+
+@st.composite
+def verdicts(draw: st.DrawFn) -> Verdict:
+    parts = draw(st.lists(atoms, unique=True, max_size=6))
+    return Verdict(frozenset(parts[:2]), frozenset(parts[2:4]), frozenset(parts[4:]))
+
+
+@st.composite
+def decisions(draw: st.DrawFn) -> Decision:
+    kind = draw(st.sampled_from(DecisionKind))
+    outcome = draw(st.sampled_from(OutcomeKind)) if kind is DecisionKind.STOP else None
+    return Decision(kind, draw(texts), tuple(draw(st.lists(atoms, max_size=3))), outcome)
+
+
+RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
+    Started: st.builds(
+        Started, names, names, tasks(), texts, st.integers(), st.dictionaries(texts, json_values, max_size=3)
+    ),
+    Questions: st.builds(
+        Questions, st.dictionaries(atoms, st.just("Is it there?"), max_size=3), texts, texts,
+        st.just(("Yes", "No")), st.lists(texts, max_size=2).map(tuple),
+    ),
+    Observation: observations(),
+    Belief: beliefs(),
+    Plan: st.builds(Plan, st.lists(steps, max_size=3).map(tuple), seconds, texts, seconds),
+    NoPlan: st.builds(NoPlan, st.sampled_from(NoPlanReason), texts, texts, seconds),
+    Dispatched: st.builds(Dispatched, steps, counts, counts, counts),
+    Phase: st.builds(Phase, texts, texts, seconds),
+    Motion: motions(),
+    FaultInjected: st.builds(FaultInjected, texts, texts, counts, texts),
+    SkillResult: st.builds(SkillResult, steps, st.sampled_from(SkillStatus), texts, seconds, seconds),
+    Compared: st.builds(Compared, texts, facts, verdicts(), counts),
+    Decision: decisions(),
+    Revised: st.builds(Revised, facts, facts),
+    Timing: st.builds(Timing, texts, seconds),
+    Ended: st.builds(
+        Ended, st.sampled_from(OutcomeKind), texts, st.booleans(), st.lists(texts, max_size=3).map(tuple),
+        counts, counts, counts, counts,
+    ),
+}  # fmt: skip
+"""How to make any payload that a record holds."""
+
+payloads: st.SearchStrategy[Payload] = st.one_of(*RECORDED.values())
+events = st.builds(Event, counts, seconds, seconds, payloads)
+
+assert {*RECORDED, Scenery, Frame} == set(get_args(Payload)), "a payload type has no strategy"
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal, arrays and NaN included; pictures, which are stored with loss, by shape."""
+    if isinstance(a, np.ndarray):
+        alike = isinstance(b, np.ndarray) and a.shape == b.shape
+        return alike and (a.dtype == np.uint8 or bool(np.array_equal(a, b, equal_nan=True)))
+    if dataclasses.is_dataclass(a) and not isinstance(a, type):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a))
+    if isinstance(a, Mapping) and not isinstance(a, Facts):
+        return isinstance(b, Mapping) and a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, float) and math.isnan(a):
+        return isinstance(b, float) and math.isnan(b)
+    return bool(a == b) and type(a) is type(b)

@@ -1,0 +1,70 @@
+"""The viewer's texts: drawn with the glyphs that it has, and Markdown that shows what was meant."""
+
+from __future__ import annotations
+
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.trace import documents
+from executive.trace.story import Story
+from executive.types import Event
+from tests.executive.trace.strategies import events
+from tests.executive.trace.synthetic import synthetic_events
+
+
+def story_of(some: list[Event]) -> Story:
+    story = Story()
+    for event in some:
+        story.tell(event)
+    return story
+
+
+@given(st.text())
+def test_plain_keeps_what_the_viewer_can_draw_and_nothing_else(text: str) -> None:
+    plain = documents.plain(text)
+    assert len(plain) == len(text)
+    assert all(a in (b, "?") for a, b in zip(plain, text, strict=True))
+    assert all(each.isascii() or "\xa1" <= each <= "\xff" or each in "✓✗►○→←↑↓•…≥≤≠" for each in plain)
+    assert all(each >= " " or each == "\n" for each in plain)
+    assert documents.plain(plain) == plain
+
+
+@given(st.text())
+def test_escaped_is_one_line_that_unescapes_to_the_text(text: str) -> None:
+    escaped = documents.escaped(text)
+    assert "\n" not in escaped
+    assert re.sub(r"\\(.)", r"\1", escaped) == " ".join(documents.plain(text).split())
+    assert not re.search(r"(?<!\\)(?:\\\\)*[|*_`#<]", escaped)
+
+
+@given(st.lists(events, max_size=15))
+def test_any_story_can_be_told(some: list[Event]) -> None:
+    story = story_of([synthetic_events()[0], *some])
+    for text in (documents.status(story), documents.belief(story)):
+        assert documents.plain(text) == text
+
+
+def test_every_row_of_a_table_has_as_many_cells_as_its_head() -> None:
+    for count in range(0, len(synthetic_events()), 7):
+        rows = [row for row in documents.belief(story_of(synthetic_events()[:count])).splitlines() if row[:1] == "|"]
+        assert len({len(re.findall(r"(?<!\\)\|", row)) for row in rows}) <= 1
+
+
+def test_surprises_stand_out_and_come_first() -> None:
+    run = synthetic_events()
+    end = next(i for i, event in enumerate(run) if event.cycle == 3) - 1
+    text = documents.belief(story_of(run[:end]))
+    assert text.startswith("**after place cereal-box white-table**, look 2")
+    rows = [row for row in text.splitlines() if row.startswith("|")][2:]
+    assert rows[0] == "| **✗** | **on-table(cereal-box,white-table)** | **true** | **0.02** |"
+    assert [row.count("**") for row in rows] == [8, 8, 0, 0]
+    assert text.endswith("6 more, as expected")
+
+
+def test_the_status_tells_the_outcome_at_the_end() -> None:
+    text = documents.status(story_of(synthetic_events()))
+    assert "**goal-reached**" in text
+    assert "goal: 2 of 2 seen" in text
+    assert "7 actions · 10 looks · 1 replan · 1 fault" in text
