@@ -18,6 +18,7 @@ import string
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn, Protocol, runtime_checkable
 
@@ -167,14 +168,14 @@ class Templates:
         return "".join(filled).strip()
 
     def _warnings(self, task: Task) -> tuple[str, ...]:
-        """Names of objects that this problem does not have. Another problem of the domain may have them."""
-        unused = [name for name in self.objects if name not in task.objects]
+        """Names of objects that look like slips. Another problem of the domain may have what this one has not."""
         unnamed = [name for name in task.objects if name not in self.objects]
-        hints = ((name, nearest(name, unnamed)) for name in unused)
+        slips = ((name, get_close_matches(name, unnamed, 1, 0.85)) for name in self.objects if name not in task.objects)
+        where = self.file or "questions"
         return tuple(
-            f"{self.file or 'questions'}: objects.{name}: the problem has no such object; {hint.partition('? ')[0]}?"
-            for name, hint in hints
-            if hint.startswith("did you mean")
+            f"{where}: objects.{name}: the problem has no such object; did you mean {close[0]!r}?"
+            for name, close in slips
+            if close
         )
 
 

@@ -69,12 +69,12 @@ class Checker:
             return "does not end with a question mark"
         if text.count("?") > 1 or re.search(r"[.!:]\s+\w", text):
             return "is more than one sentence"
-        if _OPEN.intersection(words[:1]) or not _AUXILIARIES.intersection(words):
-            return "cannot be answered with yes or no"
         meant = {word for name in (atom.predicate, *atom.args) for word in _words(plain(name))}
         negations = [word for word in words if word in _NEGATIONS and word not in meant]
         if negations or re.search(r"n['\N{RIGHT SINGLE QUOTATION MARK}]t\b", text.casefold()):
             return "may ask for the opposite"
+        if _OPEN.intersection(words[:1]) or not _AUXILIARIES.intersection(words):
+            return "cannot be answered with yes or no"
         for name in dict.fromkeys(atom.args):
             if not self._named(name, words):
                 return f"does not name {name}"
