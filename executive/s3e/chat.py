@@ -125,18 +125,6 @@ class ChatServer:
         path = len(parts) > 2 or self.model.startswith((".", "/", "~")) or "\\" in self.model
         return parts[-1] if parts and (path or self.model.endswith(".gguf")) else self.model
 
-    def chat(self, system: str, user: str, most: int = 200) -> str:
-        """The model's own words, of at most `most` tokens, at temperature 0.
-
-        Raises:
-            ServerError: there is no usable reply.
-        """
-        messages = [{"role": "system", "content": system}, {"role": "user", "content": user}]
-        (reply,) = self.complete([{"messages": messages, "max_tokens": most}], _text)
-        if isinstance(reply, Failure):
-            raise ServerError(reply.reason, file=self.url)
-        return reply
-
     def complete(self, requests: Sequence[Mapping[str, Any]], read: Callable[[Any], _T]) -> list[_T | Failure]:
         """Ask for a chat completion of each request, several at once; what `read` makes of each reply, in order.
 
@@ -319,13 +307,3 @@ def _models(reply: Any) -> tuple[str, ...]:
         return tuple(str(entry["id"]) for entry in reply["data"])
     except (LookupError, TypeError):
         raise ReplyError("what answers there is no OpenAI-compatible server: it lists no models", again=False) from None
-
-
-def _text(reply: Any) -> str:
-    try:
-        text = reply["choices"][0]["message"]["content"]
-    except (LookupError, TypeError):
-        text = None
-    if not isinstance(text, str):
-        raise ReplyError("the reply has no text")
-    return text

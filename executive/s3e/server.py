@@ -1,9 +1,9 @@
-"""A vision-language model behind an OpenAI-compatible chat server, asked for the probabilities of its next token.
+"""Models behind an OpenAI-compatible chat server: one that looks at pictures, and one that words questions.
 
-Each question is one request: the system prompt, the pictures, the question (the order of the paper's Appendix E.2), one
-token to be generated, and the `top_logprobs` most likely tokens in return. What a server does not list it gives no
-mass to here: an answer that is not among the most likely tokens counts as nothing, and shows as mass that went
-elsewhere.
+The first is asked for the probabilities of its next token. Each question is one request: the system prompt, the
+pictures, the question (the order of the paper's Appendix E.2), one token to be generated, and the `top_logprobs` most
+likely tokens in return. What a server does not list it gives no mass to here: an answer that is not among the most
+likely tokens counts as nothing, and shows as mass that went elsewhere.
 """
 
 from __future__ import annotations
@@ -21,12 +21,15 @@ import numpy as np
 from executive.errors import InputError
 from executive.s3e.backend import YES_NO, Answer, AnswerWords
 from executive.s3e.chat import ChatServer, Failure, ReplyError, ServerError
+from executive.s3e.translators import Reply
 from executive.types import Image
 
 Encoding: TypeAlias = Literal["png", "jpeg"]
 
 _TOLERANCE = 1e-3
 """By how much probabilities that were rounded on the way may add up to more than 1."""
+_VARIED = 0.7
+"""The temperature of a reply that is to differ from the likeliest one."""
 _SPACES = str.maketrans({"\N{LOWER ONE EIGHTH BLOCK}": " ", "\N{LATIN CAPITAL LETTER G WITH DOT ABOVE}": " "})
 """How vocabularies spell a leading space (SentencePiece, byte-level BPE), which some servers hand on as it is."""
 
@@ -106,6 +109,36 @@ class ServerLook:
         return [*system, {"role": "user", "content": [*shown, {"type": "text", "text": question}]}]
 
 
+class ServerWriter:
+    """A language model that words questions (a `Writer` for `executive.s3e.translators`).
+
+    Args:
+        server: where, and which model.
+        most: how many tokens a reply may have.
+    """
+
+    def __init__(self, server: ChatServer, *, most: int = 200) -> None:
+        self.server, self.most = server, most
+
+    @property
+    def name(self) -> str:
+        return self.server.name
+
+    def write(self, system: str, prompts: Sequence[str], attempt: int) -> list[Reply]:
+        """A reply to each prompt, in order: the likeliest one at attempt 0, one that is drawn at each later one."""
+        drawn = {"temperature": _VARIED, "seed": attempt} if attempt else {}
+        requests = [
+            {
+                "messages": [{"role": "system", "content": system}, {"role": "user", "content": prompt}],
+                "max_tokens": self.most,
+                **drawn,
+            }
+            for prompt in prompts
+        ]
+        replies = self.server.complete(requests, text)
+        return [Reply(error=reply.reason) if isinstance(reply, Failure) else Reply(reply) for reply in replies]
+
+
 def data_url(image: Image, encoding: Encoding = "png") -> str:
     """An (H, W, 3) uint8 RGB picture as a `data:` URL.
 
@@ -149,6 +182,21 @@ def masses(reply: Any, words: AnswerWords) -> tuple[float, float]:
         for forms in words.forms()
     )
     return yes, no
+
+
+def text(reply: Any) -> str:
+    """What a reply says.
+
+    Raises:
+        ReplyError: it says nothing.
+    """
+    try:
+        said = reply["choices"][0]["message"]["content"]
+    except (LookupError, TypeError):
+        said = None
+    if not isinstance(said, str):
+        raise ReplyError("the reply has no text")
+    return said
 
 
 def _spelling(token: object) -> str:

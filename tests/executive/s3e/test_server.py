@@ -11,6 +11,7 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,10 +21,13 @@ from hypothesis import strategies as st
 from executive.errors import InputError
 from executive.s3e.backend import TRUE_FALSE, YES_NO, Backend, Look
 from executive.s3e.chat import KEY, OPENAI_KEY, ChatServer, Failure, Patience, ReplyError, ServerError, base_url
-from executive.s3e.server import ServerBackend, masses
+from executive.s3e.server import ServerBackend, ServerWriter, masses
+from executive.s3e.translators import Reply, Writer
+from executive.s3e.vlm import TransformersBackend
 from executive.types import Image
-
-from .chat_server import ChatServerUnderTest, Request, Response, as_json, completion, serving
+from tests.executive.s3e.chat_model import served
+from tests.executive.s3e.chat_server import ChatServerUnderTest, Request, Response, as_json, completion, serving
+from tests.executive.s3e.checkpoints import build
 
 SYSTEM = "Answer with yes or no."
 QUESTIONS = [f"Is the {item} on the {table}?" for item in ("lemon", "bread", "can") for table in ("table", "floor")]
@@ -156,12 +160,28 @@ def test_it_works_inside_a_running_event_loop(good: ChatServerUnderTest) -> None
     assert asyncio.run(notebook()) == look(good).ask(QUESTIONS[:1])[0].probability()
 
 
-def test_chat_gives_the_models_own_words() -> None:
+def writer(server: ChatServerUnderTest) -> ServerWriter:
+    return ServerWriter(ChatServer(server.url, patience=QUICK, environment={}))
+
+
+def test_a_writer_gives_the_models_own_words() -> None:
     with serving(lambda request: completion({"Is": 1.0}, f"{request.system}|{request.question}")) as server:
-        chat = ChatServer(server.url, environment={}).chat
-        assert chat("Translate.", "on(a,b)") == "Translate.|on(a,b)"
-        assert "logprobs" not in server.requests[0].body
-        assert server.requests[0].body["max_tokens"] > 20
+        writes = writer(server)
+        assert isinstance(writes, Writer)
+        assert writes.name == "tiny"
+        assert writes.write("Word it.", ["on(a,b)", "on(b,a)"], 0) == [
+            Reply("Word it.|on(a,b)"),
+            Reply("Word it.|on(b,a)"),
+        ]
+        assert writes.write("Word it.", [], 1) == []
+        likeliest = server.requests[0].body
+        assert "logprobs" not in likeliest
+        assert likeliest["max_tokens"] > 20
+        assert likeliest["temperature"] == 0
+        for attempt in (1, 2):
+            writes.write("Word it.", ["on(a,b)"], attempt)
+            assert server.requests[-1].body["temperature"] > 0
+            assert server.requests[-1].body["seed"] == attempt
 
 
 # What is counted
@@ -367,12 +387,12 @@ def test_a_server_that_goes_is_an_error_of_every_answer() -> None:
 
 
 @pytest.mark.parametrize("wrong", ["bad request", "truncated JSON", "null"])
-def test_chat_raises_one_line(wrong: str) -> None:
-    with serving(lambda request: WRONG[wrong][0]) as server:
-        chat = ChatServer(server.url, patience=QUICK, environment={}).chat
-        with pytest.raises(ServerError) as caught:
-            chat("a", "b")
-        assert str(caught.value).startswith(server.url)
+def test_what_goes_wrong_is_a_replys_error(wrong: str) -> None:
+    with serving(lambda request: WRONG[wrong][0] if request.question == "on(a,b)" else completion({"Is": 1})) as server:
+        bad, good = writer(server).write("Word it.", ["on(a,b)", "on(b,a)"], 0)
+    assert bad.text == ""
+    assert bad.error
+    assert good == Reply("Is")
 
 
 # A server that is not there, or not meant
@@ -475,10 +495,11 @@ def test_the_key_is_sent_and_shown_nowhere(capfd: pytest.CaptureFixture[str]) ->
         taken = eye.look([IMAGE], SYSTEM)
         (answer,) = taken.ask(["Is it?"])
         assert server.requests[0].headers["Authorization"] == f"Bearer {SECRET}"
+        (reply,) = ServerWriter(chat_server).write("Word it.", ["on(a,b)"], 0)
         with pytest.raises(ServerError) as caught:
-            chat_server.chat("a", "b")
+            eye.check()
     assert "I got Bearer ***, ***!" in answer.error
-    for shown in (answer, eye, taken, chat_server, eye.name, caught.value):
+    for shown in (answer, reply, eye, taken, chat_server, eye.name, caught.value):
         assert SECRET not in repr(shown)
         assert SECRET not in str(shown)
     assert SECRET not in "".join(capfd.readouterr())
@@ -573,3 +594,33 @@ def test_failures_are_values(good: ChatServerUnderTest) -> None:
 
     server = ChatServer(good.url, environment={})
     assert server.complete([{"messages": [{"role": "user", "content": "?"}]}], refuse) == [Failure("not this one")]
+
+
+# The same checkpoint, here and behind a server
+
+
+@pytest.fixture(scope="module", params=["fastvlm", "llava-onevision"])
+def checkpoint(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(request.param, tmp_path_factory.mktemp("checkpoint") / request.param)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_checkpoint_gives_the_same_answers_here_and_behind_a_server(checkpoint: Path, count: int) -> None:
+    rng = np.random.default_rng(count)
+    images = [rng.integers(0, 256, (60, 80, 3), dtype=np.uint8) for _ in range(count)]
+    here = TransformersBackend(checkpoint, device="cpu")
+    with serving(served(checkpoint)) as server:
+        chat_server = ChatServer(server.url, environment={})
+        there = ServerBackend(chat_server, top_logprobs=10_000)
+        for words in (YES_NO, TRUE_FALSE):
+            expected = here.look(images, SYSTEM, words).ask(QUESTIONS)
+            answers = there.look(images, SYSTEM, words).ask(QUESTIONS)
+            for one, other in zip(expected, answers, strict=True):
+                assert (other.yes_mass, other.no_mass) == pytest.approx((one.yes_mass, one.no_mass), abs=1e-5)
+                assert other.error == ""
+        # The likeliest 20 tokens are all that a real server lists: no mass is counted that is not there.
+        few = ServerBackend(chat_server, top_logprobs=20).look(images, SYSTEM).ask(QUESTIONS)
+        for one, other in zip(here.look(images, SYSTEM).ask(QUESTIONS), few, strict=True):
+            assert other.yes_mass <= one.yes_mass + 1e-5
+            assert other.no_mass <= one.no_mass + 1e-5
+        assert any(answer.yes_mass + answer.no_mass > 0 for answer in few)
