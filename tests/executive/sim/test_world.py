@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 import pytest
 
 from executive.errors import DomainError, InputError
+from executive.protocols import Estimator, World
 from executive.sim import placement, scene
-from executive.sim.truth import Truth
+from executive.sim.truth import Oracle, Truth
 from executive.sim.world import MujocoWorld
-from executive.types import Atom, Frame
-from tests.contracts import check_world
+from executive.types import Atom, Frame, Observation
+from tests.contracts import EstimatorContract, WorldContract
 from tests.executive.sim.stage import ITEMS, MEANING, TABLES, grocery
 
 
@@ -20,8 +23,20 @@ def world() -> MujocoWorld:
     return grocery(seed=3)
 
 
-def test_keeps_the_contract_of_worlds() -> None:
-    check_world(grocery(seed=1))
+class TestMujocoWorld(WorldContract):
+    def make(self) -> World:
+        return grocery(seed=1)
+
+    def pass_time(self, world: World, seconds: float) -> None:
+        assert isinstance(world, MujocoWorld)
+        world.settle(seconds)
+
+
+class TestOracle(EstimatorContract):
+    def make(self) -> tuple[Estimator, Observation, Sequence[Atom]]:
+        world = grocery(seed=1)
+        atoms = [Atom("on-table", (item, table)) for item in ITEMS for table in TABLES]
+        return Oracle(Truth(world, MEANING)), world.observe(), atoms
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -140,22 +155,6 @@ def test_a_shove_moves_one_item_to_another_free_place() -> None:
     assert np.linalg.norm(after["soda-can"][:2] - before["soda-can"][:2]) > 0.02
     for item in set(ITEMS) - {"soda-can"}:
         assert np.linalg.norm(after[item][:3] - before[item][:3]) < 0.005
-
-
-def test_unknown_disturbance_names_the_valid_ones(world: MujocoWorld) -> None:
-    with pytest.raises(InputError, match="did you mean 'drop'"):
-        world.disturb("drp", np.random.default_rng(0))
-
-
-def test_what_is_scheduled_happens_then_and_once(world: MujocoWorld) -> None:
-    called: list[float] = []
-    start = world.time
-    world.schedule(0.2, lambda: called.append(world.time))
-    world.settle(0.1)
-    assert called == []
-    world.settle(0.3)
-    assert len(called) == 1
-    assert called[0] - start == pytest.approx(0.2, abs=0.01)
 
 
 def test_watchers_see_frames_and_change_nothing() -> None:
