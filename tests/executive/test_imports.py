@@ -9,7 +9,7 @@ import sys
 import pytest
 
 HEAVY = {"daqp", "matplotlib", "mink", "mujoco", "numba", "ompl", "pandas", "PIL", "pydantic", "rerun", "rich"}
-HEAVY |= {"robosuite", "scipy", "torch", "typer", "unified_planning"}
+HEAVY |= {"robosuite", "scipy", "sklearn", "toppra", "torch", "transformers", "typer", "unified_planning"}
 """What serves one purpose each, and is loaded where that purpose is."""
 
 
