@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from executive.errors import InputError
+from executive.errors import InputError, nearest
 from executive.trace.viewer_process import headless_viewer, trace_file
 
 if TYPE_CHECKING:
@@ -17,7 +17,8 @@ _STRIP = 36
 """Height in pixels of the viewer's own title bar."""
 _WARM_UP = 4
 """Pictures thrown away: panels fill over several frames after a jump, and the viewer greets with notifications."""
-_PATIENCE = 60.0
+_PATIENCE, _READING = 60.0, 5.0
+"""Wall seconds that reading may take in all, and until there is anything to be seen."""
 
 
 def screenshot(
@@ -35,7 +36,7 @@ def screenshot(
         png: where the picture goes.
         at_cycle, at_time: the moment to show, as a cycle or in seconds of the world's clock; by default the end.
         size: width and height in pixels, of the whole viewer.
-        panel: draw only the panel of this name.
+        panel: draw the panel of this name alone, and as large as that.
 
     Returns:
         What the viewer's panels complain of, one line each; empty when all is well.
@@ -49,41 +50,44 @@ def screenshot(
     with headless_viewer((size[0], size[1] + _STRIP)) as viewer:
         viewer.open([str(path)])
         _settle(viewer, path)
-        _hide_menu(viewer)
+        view = None if panel is None else _view_id(viewer, path, panel)
+        _arrange(viewer, view)
         if at_time is not None:
             viewer.set_time("sim_time", duration=at_time, play_state="paused")
         elif at_cycle is not None:
             viewer.set_time("cycle", sequence=at_cycle, play_state="paused")
         for _ in range(_WARM_UP):
             viewer.take_screenshot(max_size=64)
-        state = viewer.get_state()
-        if panel is None:
-            picture = _without_strip(viewer.take_screenshot())
-        else:
-            panels = {each.name: each.view_id for each in state.views}
-            if panel not in panels:
-                raise InputError(f"no panel {panel!r}; it has {', '.join(sorted(panels))}", file=path)
-            picture = viewer.take_screenshot(panels[panel])
+        views = viewer.get_state().views
+        picture = _without_strip(viewer.take_screenshot()) if view is None else viewer.take_screenshot(view)
     Path(png).write_bytes(picture)
-    return [f"{each.name}: {report.severity}: {report.summary}" for each in state.views for report in each.reports]
+    return [f"{each.name}: {report.severity}: {report.summary}" for each in views for report in each.reports]
 
 
 def _settle(viewer: ViewerClient, path: Path) -> None:
     """Wait until the whole file has been read."""
-    deadline = time.monotonic() + _PATIENCE
-    while True:
-        state = viewer.get_state()
-        if not state.loading and state.recordings:
-            return
-        if time.monotonic() > deadline:
+    start = time.monotonic()
+    while (state := viewer.get_state()).loading or not state.recordings:
+        if time.monotonic() - start > (_PATIENCE if state.loading else _READING):
             raise InputError("the viewer cannot read it", file=path)
         time.sleep(0.1)
 
 
-def _hide_menu(viewer: ViewerClient) -> None:
-    """Leave out the bar at the top, which tells of the machine that draws and not of the run."""
-    blueprint = viewer.get_blueprint().blueprint
-    viewer.set_blueprint({**blueprint, "/top_panel": {"PanelBlueprint": {"state": "Hidden"}}}, of="recording")
+def _view_id(viewer: ViewerClient, path: Path, panel: str) -> str:
+    panels = {each.name: each.view_id for each in viewer.get_state().views}
+    if panel not in panels:
+        raise InputError(f"no panel {panel!r}; {nearest(panel, panels)}", file=path)
+    return panels[panel]
+
+
+def _arrange(viewer: ViewerClient, view: str | None) -> None:
+    """Leave out the bar at the top, which tells of the machine that draws and not of the run; give one view all room."""
+    blueprint = dict(viewer.get_blueprint().blueprint)
+    blueprint["/top_panel"] = {"PanelBlueprint": {"state": "Hidden"}}
+    if view is not None:
+        viewport = blueprint["/viewport"]["ViewportBlueprint"]
+        blueprint["/viewport"] = {"ViewportBlueprint": {**viewport, "maximized": view}}
+    viewer.set_blueprint(blueprint, of="recording")
 
 
 def _without_strip(png: bytes) -> bytes:

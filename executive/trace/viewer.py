@@ -6,6 +6,7 @@ carries three stamps: the loop's cycle, the world's clock and the process's cloc
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -62,6 +63,8 @@ from executive.types import (
 
 APPLICATION = "executive"
 _FRAMES_AT_ONCE = 64
+_PATIENCE = 5.0
+"""Wall seconds to wait for a live viewer that does not take what it is sent."""
 _STILL = 2e-4
 """A body whose pose (m, quaternion) differs by no more than this from what was logged last has not moved."""
 
@@ -86,6 +89,8 @@ class RerunSink:
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror})", file=path) from None
         self._record = rr.RecordingStream(APPLICATION, recording_id=path.parent.resolve().name)
+        self._record.set_log_time_enabled(False)  # `wall` says when, and repeats
+        self._record.set_log_tick_enabled(False)
         self._record.set_sinks(rr.FileSink(path), *([rr.GrpcSink(viewer)] if viewer else []))
         self._at_once = 4 if viewer else _FRAMES_AT_ONCE
         self._story = Story()
@@ -157,11 +162,17 @@ class RerunSink:
             case Ended():
                 self._show_end(payload)
         self._show_status()
+        if isinstance(payload, Decision):
+            self._flush()  # a run that is killed can be looked at up to its last decision
 
     def close(self) -> None:
         self._send_frames()
-        self._record.flush()
+        self._flush()
         self._record.disconnect()
+
+    def _flush(self) -> None:
+        with contextlib.suppress(RuntimeError, ConnectionError, TimeoutError):  # a viewer that was closed takes no more
+            self._record.flush(timeout_sec=_PATIENCE)
 
     def _show_scenery(self, scenery: Scenery) -> None:
         self._cameras = scenery.cameras

@@ -115,7 +115,8 @@ def headless_viewer(size: tuple[int, int]) -> Iterator[ViewerClient]:
     command = viewer_command("--headless", "--port", str(port), "--window-size", window, "--hide-welcome-screen")
     # What is logged is shown as a notification, in the picture.
     # CI keeps the viewer from reporting its use to its makers.
-    environment = {"CI": "true", **os.environ, "RUST_LOG": "error", **_vulkan()}
+    defaults = {"CI": "true", "XDG_RUNTIME_DIR": tempfile.gettempdir()}
+    environment = {**defaults, **os.environ, "RUST_LOG": "error", **vulkan()}
     with started(command, environment) as (process, output):
         try:
             yield _connected(process, port)
@@ -166,7 +167,7 @@ def _connected(process: subprocess.Popen[bytes], port: int) -> ViewerClient:
             time.sleep(0.1)
 
 
-def _vulkan() -> Mapping[str, str]:
+def vulkan() -> Mapping[str, str]:
     """The software driver, unless the environment names another or the machine has a graphics card of its own."""
     if any(key in os.environ for key in ("VK_ICD_FILENAMES", "VK_DRIVER_FILES")):
         return {}
