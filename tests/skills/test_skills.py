@@ -126,10 +126,13 @@ def test_a_drop_is_felt_and_ends_the_skill_early() -> None:
     source = robot.table_of("soda-can")
     assert robot.pick("soda-can", source).done
 
+    def drop() -> None:
+        robot.world.disturb("drop", robot.rng)
+
     def drop_in_transfer(event: Phase | Motion) -> None:
         robot.said.append(event)
         if isinstance(event, Phase) and event.name == "transfer":
-            robot.world.schedule(0.4 * event.seconds, lambda: robot.world.disturb("drop", robot.rng) and None)
+            robot.world.schedule(0.4 * event.seconds, drop)
 
     context = SkillContext(robot.world.handle, robot.rng, drop_in_transfer, lambda: False)
     result = place(Step("place", ("soda-can", other(source)), Facts(), Facts()), context)
