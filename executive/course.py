@@ -22,8 +22,8 @@ class Course:
     `goal` is what is still gone for: the task's goal without what was given up. `todo` are the positions of the plan's
     steps that are left, `attempt` counts the tries at the first of them. `moment` are the looks since the last action.
     `failures` counts how often a step failed from the same known facts; `stuck` are the steps that were given up on,
-    and what was known then; `given_up_at` and `given_up_why` say the same of goals. A *cycle* is a turn of the loop, an
-    *action* a dispatched step, a *replan* a plan that was taken up after the first.
+    and what was known then; `given_up_why` is why some of the goal was given up last. A *cycle* is a turn of the loop,
+    an *action* a dispatched step, a *replan* a plan that was taken up after the first.
     """
 
     task: Task
@@ -39,7 +39,6 @@ class Course:
     looks: int = 0
     failures: Mapping[tuple[Step, Facts], int] = field(default_factory=lambda: MappingProxyType({}))
     stuck: Mapping[Step, Facts] = field(default_factory=lambda: MappingProxyType({}))
-    given_up_at: Facts | None = None
     given_up_why: str = ""
 
     @classmethod
@@ -95,8 +94,8 @@ class Course:
         return replace(self, known=self.known.updated(self.moment.last, self.cycle), goal=goal)
 
     def giving_up(self, why: str) -> Course:
-        """Some of the goal is about to be left out, with what is known now."""
-        return replace(self, given_up_at=self.known.facts, given_up_why=why)
+        """Some of the goal is about to be left out of what is planned for."""
+        return replace(self, given_up_why=why)
 
     def planned(self, plan: Plan, goal: Facts) -> Course:
         """A plan for `goal`, the task's or what is left of it, is taken up."""

@@ -189,7 +189,7 @@ class Executive:
         while True:
             self.course, plan = self.course.trusting_last_look(), None
             verdict = self._compare("goal", self.course.goal, self.course.moment.last)
-            if verdict.satisfied and self.course.given_up and self.course.known.facts != self.course.given_up_at:
+            if verdict.satisfied and self.course.given_up:
                 plan = self._probe(self.course.task.goal)  # what was given up may have come within reach since
             course, looks = self.course, len(self.course.moment.looks)
             given_up = course.given_up, course.given_up_why, plan

@@ -130,8 +130,9 @@ class Session:
             if not isinstance(returned, SkillResult):
                 raise TypeError(f"it returned {returned!r}, not a SkillResult")
             result = returned
-        except ExecutiveError:
-            raise  # the set-up's fault, not the skill's
+        except ExecutiveError as error:  # the set-up is to blame, not the skill
+            result = SkillResult(step, SkillStatus.CRASHED, str(error))
+            raise
         except Exception as error:
             log.exception("the skill for %s raised", step)
             result = SkillResult(step, SkillStatus.CRASHED, f"{type(error).__name__}: {error}")

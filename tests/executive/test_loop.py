@@ -231,8 +231,10 @@ def test_the_same_seed_tells_the_same_story(seed: int) -> None:
     st.integers(0, 10**6),
     st.lists(st.sampled_from(["drop:p=0.3", "miss:p=0.3", "shove:p=0.2", "drop@2", "miss@1"]), max_size=4),
 )
-def test_with_an_eye_that_errs_in_nothing_every_fault_within_reach_is_made_good(seed: int, specs: list[str]) -> None:
-    stage = Stage(GOAL, {"a": "p", "b": "p"}, settings=Settings(seed=seed))
+def test_with_patience_and_an_eye_that_errs_in_nothing_every_fault_is_made_good(seed: int, specs: list[str]) -> None:
+    endless = 10**6
+    patience = Settings(seed, max_cycles=endless, max_actions=endless, max_replans=endless, max_failures=endless)
+    stage = Stage(GOAL, {"a": "p", "b": "p"}, settings=patience)
     stage.faults = FaultInjector([parse_fault(spec) for spec in specs], stage.world, seed)
     ended = stage.play()
     assert (ended.outcome, ended.goal_seen, stage.goal_true) == (OutcomeKind.GOAL_REACHED, True, True)
@@ -436,16 +438,90 @@ def test_frames_phases_and_times_of_every_stage_are_told() -> None:
     assert stage.world._listener is None, "nobody watches a world whose run is over"
 
 
-def test_time_that_sinks_take_is_nobody_elses() -> None:
-    import time
+class Clock:
+    """A wall clock that moves when somebody takes his time."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+def test_time_that_sinks_take_is_nobody_elses(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    monkeypatch.setattr("executive.session.time", clock)
 
     class Slow(Recorder):
         def write(self, event: Event) -> None:
             super().write(event)
-            if isinstance(event.payload, Phase):
-                time.sleep(0.01)
+            clock.now += 1.0
 
-    stage, slow = Stage(Facts({at("a", "q"): True}), {"a": "p"}), Slow()
+    def hurry(world: FakeWorld) -> None:
+        clock.now += 0.25
+
+    stage, slow = Stage(Facts({at("a", "q"): True}), {"a": "p"}, script={1: hurry, 2: hurry}), Slow()
     stage.recorder = slow
     stage.play()
-    assert sum(timing.seconds for timing in slow.of(Timing)) < slow.events[-1].wall - 0.01 * len(slow.of(Phase)) * 0.9
+    assert [timing.seconds for timing in slow.of(Timing) if timing.stage == "skill"] == [0.25, 0.25]
+    assert all(timing.seconds == 0.0 for timing in slow.of(Timing) if timing.stage != "skill")
+    assert slow.events[-1].wall == len(slow.events) - 1 + 0.5
+
+
+def test_an_error_of_the_set_up_inside_a_skill_is_not_blamed_on_it() -> None:
+    stage = Stage(GOAL, {"a": "p", "b": "p"})
+
+    def skill(step: Step, context: SkillContext) -> SkillResult:
+        raise MissingError("no OMPL", command="pip install ompl")
+
+    executive = Executive(stage.task, stage.planner, stage.world, {"pick": skill}, stage.estimator, [stage.recorder])
+    with pytest.raises(MissingError):
+        executive.run()
+    assert [result.status for result in stage.recorder.of(SkillResult)] == [SkillStatus.CRASHED]
+    (ended,) = stage.recorder.of(Ended)
+    assert ended.reason == "skill: no OMPL; install it with: pip install ompl"
+
+
+def test_cancelled_during_the_last_look_the_run_is_interrupted_all_the_same() -> None:
+    stage = Stage(GOAL, {"a": "p", "b": "p"})
+    executive = stage.executive()
+
+    def answer(look: int, atom: Atom, truth: bool) -> float:
+        if look == 5:
+            executive.cancel()
+        return float(truth)
+
+    stage.estimator._scripted = answer
+    ended = executive.run()
+    assert (ended.outcome, ended.actions, stage.goal_true) == (OutcomeKind.INTERRUPTED, 4, True)
+
+
+def test_nothing_is_broken_any_more_once_the_run_is_cancelled() -> None:
+    stage = Stage(GOAL, {"a": "p", "b": "p"})
+    stage.faults = FaultInjector([parse_fault("shove@1")], stage.world)
+    executive = stage.executive()
+    stage.skill.script = {1: lambda world: executive.cancel()}
+    assert executive.run().outcome is OutcomeKind.INTERRUPTED
+    assert stage.recorder.of(FaultInjected) == []
+    assert stage.recorder.of(SkillResult)[0].status is SkillStatus.CANCELLED
+
+
+def test_an_estimator_that_answers_more_than_it_was_asked_changes_nothing() -> None:
+    stage = Stage(GOAL, {"a": "p", "b": "p"})
+    honest = stage.estimator.estimate
+
+    def talkative(observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        belief = honest(observation, atoms)
+        return Belief(observation.id, {**belief.probability, at("ghost", "p"): 1.0}, source="scripted")
+
+    stage.estimator.estimate = talkative  # type: ignore[method-assign]
+    assert stage.play().outcome is OutcomeKind.GOAL_REACHED
+    assert all(set(state) == set(stage.task.atoms) for state, _ in stage.planner.asked)
+
+
+def test_goals_that_hold_are_kept_without_asking_the_planner() -> None:
+    goal = Facts({at("a", "q"): True, at("b", "r"): True})
+    stage = Stage(goal, {"a": FLOOR, "b": "r"})
+    ended = stage.play()
+    assert (ended.outcome, ended.unreached, ended.actions) == (OutcomeKind.PARTIAL, ("at(a,q)",), 0)
+    assert [asked for _, asked in stage.planner.asked] == [goal, goal, goal.only([at("a", "q")]), goal]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import combinations
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from executive import policy
@@ -305,6 +305,7 @@ conflicts = st.lists(st.frozensets(st.sampled_from(literals), min_size=1, max_si
 
 
 @given(conflicts, st.integers(1, 6))
+@example([frozenset({literals[0], literals[1]}), frozenset({literals[0], literals[2]})], 3)
 def test_the_part_that_is_kept_is_the_largest_that_can_be_reached(taboo: list[frozenset[Atom]], count: int) -> None:
     """Goals conflict when they contain a taboo set: the general shape of what cannot be had together."""
     goal = Facts(dict.fromkeys(literals[:count], True))

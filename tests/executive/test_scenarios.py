@@ -424,6 +424,12 @@ def test_25_a_goal_that_was_given_up_is_gone_for_again_when_the_thing_is_back() 
     assert (ended.outcome, ended.unreached, stage.goal_true) == (OutcomeKind.GOAL_REACHED, (), True)
 
 
+def test_25_a_goal_that_was_given_up_and_is_seen_to_hold_at_the_end_is_reached() -> None:
+    stage = Stage(BOTH, {"a": FLOOR, "b": "p"}, script={2: lambda world: world.where.update(a="q")})
+    ended = stage.play()
+    assert (ended.outcome, ended.unreached, ended.replans) == (OutcomeKind.GOAL_REACHED, (), 0)
+
+
 @pytest.mark.parametrize("since", [1, 2, 4])
 def test_26_an_eye_that_goes_blind_ends_the_run_by_name(since: int) -> None:
     stage = two()
