@@ -29,7 +29,7 @@ _HALF = ("F16", "BF16")
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """A folder that has everything a vision-language checkpoint consists of.
+    """A folder that has everything a checkpoint consists of.
 
     `name` is the folder's own name, or the hub's id; `half` says whether most of its weights are stored in 16 bits.
     """
@@ -40,24 +40,24 @@ class Checkpoint:
     half: bool
 
 
-def find(model: str | Path) -> Checkpoint:
+def find(model: str | Path, *, pictures: bool = True) -> Checkpoint:
     """The checkpoint that `model` names: a folder, or the id that it has on the model hub (`organisation/name`). One
-    that was downloaded before is taken as it is, without asking the hub.
+    that was downloaded before is taken as it is, without asking the hub. Without `pictures`, a language model is meant.
 
     Raises:
         InputError: there is no such folder or model, or it is not a whole checkpoint; says which file is wrong.
     """
     folder = Path(model).expanduser()
     if folder.is_dir():
-        return inspect(folder, folder.resolve().name)
+        return inspect(folder, folder.resolve().name, pictures=pictures)
     if folder.exists():
         raise InputError("is a file; wanted the folder of a checkpoint, with config.json in it", file=folder)
     if not _HUB_ID.fullmatch(str(model)):
         raise InputError("no such folder; wanted a checkpoint's, with config.json in it", file=folder.absolute())
-    return inspect(_from_hub(str(model), folder.absolute()), str(model))
+    return inspect(_from_hub(str(model), folder.absolute()), str(model), pictures=pictures)
 
 
-def inspect(folder: Path, name: str) -> Checkpoint:
+def inspect(folder: Path, name: str, *, pictures: bool = True) -> Checkpoint:
     """A checkpoint's folder, with everything checked that can be without loading it.
 
     Raises:
@@ -72,7 +72,7 @@ def inspect(folder: Path, name: str) -> Checkpoint:
         stored.update(check_safetensors(file))
     if not any((folder / file).is_file() for file in TOKENIZERS):
         raise InputError(f"has no tokenizer (wanted one of {', '.join(TOKENIZERS)})", file=folder)
-    if not any((folder / file).is_file() for file in PROCESSORS):
+    if pictures and not any((folder / file).is_file() for file in PROCESSORS):
         raise InputError(f"has no processor for pictures (wanted {' or '.join(PROCESSORS)})", file=folder)
     return Checkpoint(folder, name, model_type, sum(stored[kind] for kind in _HALF) * 2 > stored.total())
 

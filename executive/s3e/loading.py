@@ -6,7 +6,7 @@ Pictures are all that is ever shown, so that a family whose video part needs tor
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,8 @@ EXTRAS = {"torchvision": "torchvision", "num2words": "smolvlm"}
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A model ready to answer, and the processor that turns a prompt and pictures into what it takes."""
+    """A model ready to answer, and the processor that turns a prompt and pictures into what it takes; of a language
+    model, its tokenizer."""
 
     model: Any
     processor: Any
@@ -47,12 +48,30 @@ def load(checkpoint: Checkpoint, device: str = "auto", dtype: str = "auto") -> L
         MissingError: the checkpoint's family needs a package that is not installed.
     """
     import torch
+    from transformers import AutoModelForImageTextToText
+    from transformers.models.auto.modeling_auto import MODEL_FOR_IMAGE_TEXT_TO_TEXT_MAPPING_NAMES as FAMILIES
 
     place = choose_device(device)
     kind = choose_dtype(dtype, place, checkpoint.half)
-    _check_family(checkpoint)
+    _check_family(checkpoint, FAMILIES, "image-text-to-text", "llava_onevision, smolvlm, qwen2_5_vl or fast_vlm")
     processor = load_processor(checkpoint)
-    return Loaded(_load_model(checkpoint, getattr(torch, kind), place), processor, place, kind)
+    model = _load_model(checkpoint, AutoModelForImageTextToText, getattr(torch, kind), place)
+    return Loaded(model, processor, place, kind)
+
+
+def load_language_model(checkpoint: Checkpoint, device: str = "auto", dtype: str = "auto") -> Loaded:
+    """Load a checkpoint that writes text and sees nothing. Arguments and errors are those of `load`."""
+    import torch
+    from transformers import AutoModelForCausalLM, AutoTokenizer
+    from transformers.models.auto.modeling_auto import MODEL_FOR_CAUSAL_LM_MAPPING_NAMES as FAMILIES
+
+    place = choose_device(device)
+    kind = choose_dtype(dtype, place, checkpoint.half)
+    _check_family(checkpoint, FAMILIES, "causal language", "llama, qwen3 or smollm3")
+    with _in_one_line(checkpoint, "its tokenizer cannot be loaded"), _quiet():
+        tokenizer = AutoTokenizer.from_pretrained(checkpoint.folder, **_LOCAL)
+    model = _load_model(checkpoint, AutoModelForCausalLM, getattr(torch, kind), place)
+    return Loaded(model, tokenizer, place, kind)
 
 
 def choose_device(wanted: str) -> str:
@@ -174,16 +193,14 @@ def _without_video(checkpoint: Checkpoint) -> Any:
     return still.from_args_and_dict(parts, settings)
 
 
-def _check_family(checkpoint: Checkpoint) -> None:
+def _check_family(checkpoint: Checkpoint, families: Collection[str], what: str, such: str) -> None:
     from transformers import AutoConfig
-    from transformers.models.auto.modeling_auto import MODEL_FOR_IMAGE_TEXT_TO_TEXT_MAPPING_NAMES as FAMILIES
 
     kind, file = checkpoint.model_type, checkpoint.folder / CONFIG
-    if kind not in FAMILIES:
+    if kind not in families:
         code = "; it brings code of its own, which is never run" if "auto_map" in read_json(file, "") else ""
         raise InputError(
-            f"is a {kind!r}, which transformers knows as no image-text-to-text model{code}; wanted one such as "
-            "llava_onevision, smolvlm, qwen2_5_vl or fast_vlm",
+            f"is a {kind!r}, which transformers knows as no {what} model{code}; wanted one such as {such}",
             file=file,
         )
     with _in_one_line(checkpoint, "its config cannot be read", CONFIG), _quiet():
@@ -194,11 +211,9 @@ def _check_family(checkpoint: Checkpoint) -> None:
         )
 
 
-def _load_model(checkpoint: Checkpoint, dtype: torch.dtype, device: str) -> Any:
-    from transformers import AutoModelForImageTextToText
-
+def _load_model(checkpoint: Checkpoint, family: Any, dtype: torch.dtype, device: str) -> Any:
     with _in_one_line(checkpoint, "its model cannot be loaded"), _quiet():
-        model, report = AutoModelForImageTextToText.from_pretrained(
+        model, report = family.from_pretrained(
             checkpoint.folder, dtype=dtype, use_safetensors=True, output_loading_info=True, **_LOCAL
         )
     missing = sorted(report["missing_keys"])

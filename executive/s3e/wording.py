@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from executive.s3e.questions import LONGEST, plain
 from executive.types import Atom
 
+_THOUGHTS = re.compile(r"\A\s*<think>.*?</think>", re.DOTALL)
 _WORD = re.compile(r"[^\W\d_]+|\d+")
 _ENDINGS = ("", "s", "es", "en", "y", "ed")
 """`wood-table` may be called a wooden table, `wool-sock` woolen or woolly."""
@@ -32,8 +33,8 @@ _QUOTES = (('"', '"'), ("'", "'"), ("`", "`"), ("\N{LEFT DOUBLE QUOTATION MARK}"
 
 
 def tidy(reply: str) -> str:
-    """A reply without the blanks and the quotation marks around it."""
-    text = reply.strip()
+    """A reply without the blanks and the quotation marks around it, and without what a model thought aloud before."""
+    text = _THOUGHTS.sub("", reply).strip()
     for opening, closing in _QUOTES:
         if len(text) > 1 and text.startswith(opening) and text.endswith(closing):
             inner = text[1:-1]
