@@ -155,6 +155,51 @@ def run(
     return codes.get(OutcomeKind(summary["outcome"]), NOT_REACHED)
 
 
+@app.command()
+def estimate(
+    domain: Annotated[str, typer.Argument(help="A folder with PDDL in it, or the name of a domain that comes along.")],
+    problem: Annotated[str | None, typer.Option(help="One of the domain's problems.")] = None,
+    image: Annotated[list[Path] | None, typer.Option(help="A picture; repeat it to show several together.")] = None,
+    video: Annotated[Path | None, typer.Option(help="A video instead of pictures.")] = None,
+    every: Annotated[float, typer.Option(help="Seconds between the video's frames that are looked at.")] = 0.5,
+    atoms: Annotated[
+        list[str] | None, typer.Option(help="Only these, such as 'on-table(*,wood-table)' or robot-gripping.")
+    ] = None,
+    question: Annotated[list[str] | None, typer.Option(help="A question of your own; then only --atoms, too.")] = None,
+    vlm: Annotated[str | None, typer.Option(help="The model: a folder, a hub id, or its name at --server.")] = None,
+    server: Annotated[str | None, typer.Option(help="Address of an OpenAI-compatible server that has it.")] = None,
+    translator: Annotated[str, typer.Option(help="Who words the questions: templates, llm or none.")] = "templates",
+    llm: Annotated[str | None, typer.Option(help="The language model for --translator llm.")] = None,
+    instructions: Annotated[
+        bool, typer.Option("--instructions/--no-instructions", help="Tell the model how things look.")
+    ] = True,
+    per_image: Annotated[bool, typer.Option("--per-image", help="Ask about each picture alone, and average.")] = False,
+    calibration: Annotated[Path | None, typer.Option(help="A file that corrects the probabilities.")] = None,
+    out: Annotated[Path, typer.Option(help="The folder for a video's plot and recording.")] = Path("."),
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON, with the prompts.")] = False,
+) -> int:
+    """Say how probable each atom of a domain is, judging by pictures or a video."""
+    from executive import estimate as estimating
+    from executive.eye import EyeConfig
+    from executive.s3e.video import read_frames
+
+    if bool(image) == (video is not None):
+        raise InputError("pass pictures with --image, or a video with --video", key="estimate")
+    images = estimating.read_images(image or [])
+    frames = read_frames(video, every) if video is not None else iter(())
+    config = EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration)
+    if not out.is_dir():
+        raise InputError("there is no such folder", file="--out", key=str(out))
+    session = estimating.Session(domain, problem, config, atoms or (), question or ())
+    for warning in session.warnings:
+        print(f"warning: {_one_line(warning)}", file=sys.stderr)
+    if video is not None:
+        answered = estimating.tell_video(session, video, frames, every, out, as_json)
+    else:
+        answered = estimating.tell_look(session, image or [], images, as_json)
+    return REACHED if answered else NOT_REACHED
+
+
 @contextmanager
 def _ctrl_c(cancel: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C once cancels, which leaves the arm at rest and the trace whole; a second one leaves at once."""

@@ -1,0 +1,153 @@
+"""The eye, put together from a few words: which model looks, who words the questions, what it is told beside.
+
+What the commands `run` and `estimate` have in common. Everything that is built here could be built by hand from
+`executive.s3e`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from executive.domain import Subject
+from executive.errors import InputError, nearest
+from executive.s3e import (
+    S3E,
+    Backend,
+    LanguageModel,
+    Templates,
+    Untranslated,
+    Views,
+    Writer,
+    generic,
+    instruct,
+    load_instructions,
+)
+from executive.s3e.calibration import FILE, Calibration
+from executive.s3e.chat import ChatServer, base_url
+from executive.types import Questions
+
+TRANSLATORS = ("templates", "llm", "none")
+
+NO_MODEL = (
+    "no model comes with Executive yet: pass --vlm with a vision-language model's folder or id on the model hub, or "
+    "--server with the address of an OpenAI-compatible server that has one, such as http://127.0.0.1:8000/v1"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class EyeConfig:
+    """What decides how an eye sees.
+
+    `vlm` is a checkpoint's folder or hub id; with `server`, the address of an OpenAI-compatible server, it is the name
+    of a model there (without one, the only one there). `translator` words the questions: the domain's templates, a
+    language model (`llm`: a folder, a hub id, or a model's name at the server; without one, the model at the server
+    that looks), or nobody. `instructions` says whether the model is told how things look, as far as the domain says it.
+    `per_image` asks about each picture on its own. `calibration` is a file that corrects probabilities; without it, the
+    one beside the model's folder, if there is any.
+    """
+
+    vlm: str | None = None
+    server: str | None = None
+    translator: str = "templates"
+    llm: str | None = None
+    instructions: bool = True
+    per_image: bool = False
+    calibration: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.translator not in TRANSLATORS:
+            hint = nearest(self.translator, TRANSLATORS)
+            raise InputError(f"no translator {self.translator!r}; {hint}", key="--translator")
+        if self.vlm is None and self.server is None:
+            raise InputError(NO_MODEL)
+        if self.server is not None:
+            base_url(self.server)  # nothing that could be a secret goes into a run's record
+        if self.llm is not None and self.translator != "llm":
+            raise InputError("goes with --translator llm", key="--llm")
+        if self.translator == "llm" and self.llm is None and self.server is None:
+            raise InputError("needs --llm with a language model's folder or id", key="--translator llm")
+
+
+def open_eye(config: EyeConfig, subject: Subject) -> S3E:
+    """Load or reach the model, and word the questions about the subject's atoms.
+
+    Raises:
+        InputError: the model, the server, the calibration or the files of the domain are no such.
+        MissingError: the model needs a package that is not installed.
+    """
+    # What costs little and can be wrong comes first.
+    calibration = load_calibration(config)
+    server = None if config.server is None else ChatServer(config.server, config.vlm)
+    questions = word_questions(config, subject, server)
+    return S3E(
+        _backend(config, server),
+        questions,
+        views=Views.AVERAGED if config.per_image else Views.TOGETHER,
+        calibrate=calibration,
+    )
+
+
+def load_calibration(config: EyeConfig) -> Calibration | None:
+    """The correction of the model's probabilities, if there is one.
+
+    Raises:
+        InputError: the file is none.
+    """
+    if config.calibration is not None:
+        return Calibration.load(config.calibration)
+    beside = None if config.vlm is None or config.server is not None else Path(config.vlm).expanduser() / FILE
+    return Calibration.load(beside) if beside is not None and beside.is_file() else None
+
+
+def word_questions(config: EyeConfig, subject: Subject, server: ChatServer | None = None) -> Questions:
+    """A question for every atom of the subject, under the system prompt that goes with them.
+
+    Raises:
+        InputError: the domain's files, the language model or the server are no such.
+    """
+    task = subject.task
+    templates = Templates.read(subject.questions) if subject.questions is not None else None
+    if config.translator == "templates":
+        questions = (templates or generic(task)).translate(task)
+    else:
+        domain = subject.pddl.read_text(encoding="utf-8-sig", errors="replace")
+        if config.translator == "none":
+            questions = Untranslated(domain).translate(task)
+        else:
+            writer = _writer(config, server)
+            questions = LanguageModel(writer, domain, templates, cache=cache_folder()).translate(task)
+    if config.instructions and subject.instructions is not None:
+        questions = instruct(questions, load_instructions(subject.instructions))
+    return questions
+
+
+def cache_folder() -> Path:
+    """Where what a language model wrote is kept for the next time."""
+    from platformdirs import user_cache_path
+
+    return user_cache_path("executive") / "questions"
+
+
+def _backend(config: EyeConfig, server: ChatServer | None) -> Backend:
+    if server is not None:
+        from executive.s3e.server import ServerBackend
+
+        there = ServerBackend(server)
+        there.check()
+        return there
+    from executive.s3e.vlm import TransformersBackend
+
+    assert config.vlm is not None  # EyeConfig saw to it
+    return TransformersBackend(config.vlm)
+
+
+def _writer(config: EyeConfig, server: ChatServer | None) -> Writer:
+    if config.server is not None and server is not None:
+        from executive.s3e.server import ServerWriter
+
+        return ServerWriter(server if config.llm is None else ChatServer(config.server, config.llm))
+    from executive.s3e.writer import LocalWriter
+
+    assert config.llm is not None  # EyeConfig saw to it
+    return LocalWriter(config.llm)
