@@ -141,6 +141,20 @@ def test_06_a_precondition_that_comes_true_while_waiting_lets_the_step_begin() -
     assert [look.cause for look in stage.recorder.of(Observation)][1] == "before place(a,q)"
 
 
+def test_06_what_is_waited_for_is_no_error_of_the_eye() -> None:
+    """The looks before said otherwise, and were right."""
+    late = Step("place", ("a", "q"), Facts({held("a"): True, at("b", "r"): True}), put("a", "q").effects)
+    stage = Stage(A_TO_Q, {"a": "p", "b": "p"})
+    stage.planner = FakePlanner([], [Plan((pick("a", "p"), late), 2.0, "", 0.0), Plan((late,), 1.0, "", 0.0)])
+    stage.estimator = ScriptedEstimator(
+        stage.world, scripted=lambda look, atom, truth: float(truth or (look >= 4 and atom == at("b", "r")))
+    )
+    ended = stage.play()
+    assert (ended.outcome, ended.actions, ended.replans) == (OutcomeKind.GOAL_REACHED, 2, 1)
+    causes = [look.cause for look in stage.recorder.of(Observation)]
+    assert causes == ["first look", "after pick(a,p)", "after pick(a,p)", "before place(a,q)", "after place(a,q)"]
+
+
 def test_07_a_change_between_planning_and_dispatch_is_a_result_not_a_crash() -> None:
     stage = one(script={1: lambda world: world.where.update(a="r")})
     ended = stage.play()
