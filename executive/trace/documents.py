@@ -117,7 +117,7 @@ def _goal(story: Story) -> str:
     if story.started is None or not story.probability:
         return ""
     left, total = story.unreached(), len(story.started.task.goal)
-    return f"goal: {total - len(left)} of {total} seen" + (f"; to go: {escaped(', '.join(left))}" if left else "")
+    return f"goal: {total - len(left)} of {total} believed" + (f"; to go: {escaped(', '.join(left))}" if left else "")
 
 
 def _end(ended: Ended) -> list[str]:

@@ -192,11 +192,11 @@ def print_runs(summaries: Sequence[Summary], stream: TextIO, labels: Sequence[st
 def _outcome(summary: Summary) -> Text:
     from rich.text import Text
 
-    seen, true = summary["goal_seen"], summary["goal_true"]
-    text = Text(summary["outcome"], "bold green" if summary["outcome"] == OutcomeKind.GOAL_REACHED else "bold red")
-    text.append(f"; goal seen: {_said(seen)}, goal true: {_said(true)}", "")
-    if true is not None and true is not seen:
-        text.append(" - the robot is mistaken" if seen else " - the robot does not know", "bold yellow")
+    claimed, true = summary["outcome"] == OutcomeKind.GOAL_REACHED, summary["goal_true"]
+    text = Text(summary["outcome"], "bold green" if claimed and true is not False else "bold red")
+    text.append(f"; goal seen: {_said(summary['goal_seen'])}, goal true: {_said(true)}", "")
+    if true is not None and true is not claimed:
+        text.append(" - the robot is mistaken" if claimed else " - the robot does not know", "bold yellow")
     return text
 
 

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 _STRIP = 36
 """Height in pixels of the viewer's own title bar."""
-_WARM_UP = 4
-"""Pictures thrown away: panels fill over several frames after a jump, and the viewer greets with notifications."""
+_ALIKE, _PICTURES, _PAUSE = 3, 30, 0.25
+"""Panels fill over several frames after a jump, and the viewer greets with notifications: a picture counts when so many
+in a row are alike. So many are taken at most, with a pause in wall seconds between them."""
 _PATIENCE, _READING = 60.0, 5.0
 """Wall seconds that reading may take in all, and until there is anything to be seen."""
 
@@ -56,11 +57,9 @@ def screenshot(
             viewer.set_time("sim_time", duration=at_time, play_state="paused")
         elif at_cycle is not None:
             viewer.set_time("cycle", sequence=at_cycle, play_state="paused")
-        for _ in range(_WARM_UP):
-            viewer.take_screenshot(max_size=64)
+        picture = _still(viewer, view)
         views = viewer.get_state().views
-        picture = _without_strip(viewer.take_screenshot()) if view is None else viewer.take_screenshot(view)
-    Path(png).write_bytes(picture)
+    Path(png).write_bytes(picture if view else _without_strip(picture))
     return [f"{each.name}: {report.severity}: {report.summary}" for each in views for report in each.reports]
 
 
@@ -81,13 +80,24 @@ def _view_id(viewer: ViewerClient, path: Path, panel: str) -> str:
 
 
 def _arrange(viewer: ViewerClient, view: str | None) -> None:
-    """Leave out the bar at the top, which tells of the machine that draws and not of the run; give one view all room."""
+    """Leave out the bar at the top, which tells of the machine and not of the run, and give `view` all the room."""
     blueprint = dict(viewer.get_blueprint().blueprint)
     blueprint["/top_panel"] = {"PanelBlueprint": {"state": "Hidden"}}
     if view is not None:
         viewport = blueprint["/viewport"]["ViewportBlueprint"]
         blueprint["/viewport"] = {"ViewportBlueprint": {**viewport, "maximized": view}}
     viewer.set_blueprint(blueprint, of="recording")
+
+
+def _still(viewer: ViewerClient, view: str | None) -> bytes:
+    picture, alike = b"", 0
+    for _ in range(_PICTURES):
+        last, picture = picture, viewer.take_screenshot(view)
+        alike = alike + 1 if picture == last else 1
+        if alike == _ALIKE:
+            break
+        time.sleep(_PAUSE)
+    return picture
 
 
 def _without_strip(png: bytes) -> bytes:

@@ -151,7 +151,7 @@ def test_no_trace_to_open(tmp_path: Path) -> None:
 def test_without_a_display_it_is_said_what_to_do_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     written(tmp_path, [])
     monkeypatch.setattr("executive.trace.viewer_process.has_display", lambda: False)
-    with pytest.raises(Exception, match="no display here; use: executive inspect .* --web, or .* --png FILE"):
+    with pytest.raises(Exception, match=r"no display here; use: executive inspect .* --web, or .* --png FILE"):
         inspect(tmp_path)
     assert not has_display({}, "linux")
     assert has_display({"WAYLAND_DISPLAY": "wayland-0"}, "linux")
