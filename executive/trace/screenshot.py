@@ -43,7 +43,7 @@ def screenshot(
         What the viewer's panels complain of, one line each; empty when all is well.
 
     Raises:
-        InputError: there is no trace, the viewer cannot read it, or it has no such panel.
+        InputError: there is no trace, the viewer cannot read it, or it has no such cycle or panel.
         MissingError: there is no Vulkan driver to draw with.
         ViewerError: the viewer did not start or failed.
     """
@@ -56,6 +56,7 @@ def screenshot(
         if at_time is not None:
             viewer.set_time("sim_time", duration=at_time, play_state="paused")
         elif at_cycle is not None:
+            _check_cycle(viewer, path, at_cycle)
             viewer.set_time("cycle", sequence=at_cycle, play_state="paused")
         picture = _still(viewer, view)
         views = viewer.get_state().views
@@ -70,6 +71,12 @@ def _settle(viewer: ViewerClient, path: Path) -> None:
         if time.monotonic() - start > (_PATIENCE if state.loading else _READING):
             raise InputError("the viewer cannot read it", file=path)
         time.sleep(0.1)
+
+
+def _check_cycle(viewer: ViewerClient, path: Path, cycle: int) -> None:
+    for line in viewer.get_state().recordings[0].timelines:
+        if line.name == "cycle" and not line.start <= cycle <= line.end:
+            raise InputError(f"there is no cycle {cycle}; the run has cycles {line.start} to {line.end}", file=path)
 
 
 def _view_id(viewer: ViewerClient, path: Path, panel: str) -> str:

@@ -87,6 +87,12 @@ def test_one_panel(run: Path, tmp_path: Path) -> None:
 
 
 @draws
+def test_a_cycle_that_the_run_did_not_have(run: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no cycle 9; the run has cycles 0 to 8"):
+        screenshot(run, tmp_path / "no.png", at_cycle=9)
+
+
+@draws
 def test_a_run_that_was_killed_can_be_drawn(tmp_path: Path) -> None:
     some = [event for event in synthetic_events() if event.cycle <= 2]
     sink = RerunSink(tmp_path)

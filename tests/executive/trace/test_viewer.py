@@ -117,6 +117,7 @@ def test_what_the_viewer_cannot_draw_never_reaches_it(tmp_path: Path) -> None:
     assert all(each.isascii() or each in "ï·✓✗►○" for text in texts for each in text)
 
 
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_killed_in_the_middle_it_can_still_be_read(tmp_path: Path) -> None:
     script = (
         "import os, signal, sys\n"
