@@ -126,12 +126,12 @@ def after(turn: Turn, settings: Settings) -> Decision:
 
     surprise, evidence = _surprise(verdict, turn.expected), tuple(sorted(verdict.violated))
     doubt = f"cannot tell {_aged(turn.doubts)}" if turn.doubts else ""
-    reported = "" if result.done else _report(result)
     broken, as_planned = turn.rest is None, turn.rest == tuple(range(turn.planned))
+    reported = "" if result.done else f"{_report(result)}{', yet what it was for is seen' if as_planned else ''}"
     # One look is enough where skill and eye agree: both say that it worked, or both say that it did not.
     agreed = as_planned if result.done else broken
     if not agreed and may_look and turn.looks == 1:
-        reason = _joined(reported, surprise or f"yet what {step} was for is seen")
+        reason = _joined(reported, surprise) or f"{step} is done, yet the plan does not reach the goal from here"
         return Decision(DecisionKind.LOOK_AGAIN, reason, evidence)
     if turn.rest is not None:
         skipped = turn.planned - len(turn.rest)

@@ -171,6 +171,7 @@ def turns(draw: st.DrawFn) -> Turn:
 
 
 @given(turns(), st.integers(0, 3), st.integers(0, 3), st.integers(1, 6))
+@example(turn(rest=None), 1, 1, 1)
 def test_every_turn_is_decided_within_its_budget_and_with_a_reason(
     some: Turn, looks_again: int, retries: int, failures: int
 ) -> None:
