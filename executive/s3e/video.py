@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 EXTRA = "video"
 """The extra of this package that brings what reads videos (PyAV)."""
 
+FORMATS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,h264,hevc,ogg,flv,asf,gif,ivf,yuv4mpegpipe"
+"""What is read. FFmpeg knows more, and some of those (playlists) name other files and machines to read from."""
+
 _SLACK = 1e-6
 """Seconds by which a frame may be early: time stamps are fractions."""
 
@@ -46,8 +49,7 @@ def read_frames(path: Path | str, every: float) -> Iterator[tuple[float, Image]]
     if not file.is_file():
         raise InputError("is a folder; wanted a video" if file.is_dir() else "there is no such file", file=file)
     try:
-        # A playlist names other places to read from: only files are.
-        container = av.open(str(file), options={"protocol_whitelist": "file"}, metadata_errors="ignore")
+        container = av.open(str(file), options={"format_whitelist": FORMATS}, metadata_errors="ignore")
     except (av.FFmpegError, ValueError, OSError) as error:
         raise InputError(f"is no video ({_reason(error)})", file=file) from None
     return _sampled(container, file, every)
