@@ -240,7 +240,18 @@ class MujocoWorld:
             self.advance()
 
     def close(self) -> None:
-        """Free the off-screen renderer. Everything else is memory."""
+        """Free the off-screen renderer, the model and its state; nothing can be done with the world afterwards.
+
+        They are let go of by hand, because a hundred megabytes should not wait for the garbage collector to find the
+        cycles of whoever used them.
+        """
+        self._listener = None
+        self._scheduled.clear()
+        self._free_renderer()
+        if hasattr(self, "model"):
+            del self.model, self.data
+
+    def _free_renderer(self) -> None:
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -316,7 +327,7 @@ class MujocoWorld:
     def _rendering(self, height: int, width: int) -> mujoco.Renderer:
         renderer = self._renderer
         if renderer is None or (renderer.height, renderer.width) != (height, width):
-            self.close()
+            self._free_renderer()
             try:
                 renderer = mujoco.Renderer(self.model, height, width)
             except Exception as error:  # mujoco raises whatever its GL binding raises
