@@ -92,7 +92,8 @@ class Executive:
 
     def _live(self) -> Decision:
         eye, settings = self.estimator.name if self.estimator else "none", asdict(self.settings)
-        self._session.open(Started(self.name, self.domain, self.course.task, eye, self.settings.seed, settings))
+        started = Started(self.name, self.domain, self.course.task, eye, self.settings.seed, settings)
+        self._session.open(started, self.estimator)
         decision = self._first_look()
         while decision.kind is not DecisionKind.STOP:
             self._session.heed()

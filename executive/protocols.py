@@ -20,6 +20,7 @@ from executive.types import (
     Observation,
     Phase,
     Plan,
+    Questions,
     Scenery,
     SkillResult,
     Step,
@@ -48,6 +49,14 @@ class Estimator(Protocol):
     def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
         """A belief over exactly `atoms`; what it cannot tell is `unanswered`."""
         ...
+
+
+@runtime_checkable
+class Asking(Protocol):
+    """An estimator that asks a model in words. The words go into the trace, so that others can ask the same again."""
+
+    @property
+    def questions(self) -> Questions: ...
 
 
 @runtime_checkable

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from executive.errors import ExecutiveError
-from executive.protocols import FaultSource, Sink, Skill, SkillContext, World
+from executive.protocols import Asking, Estimator, FaultSource, Sink, Skill, SkillContext, World
 from executive.types import (
     Decision,
     DecisionKind,
@@ -63,9 +63,12 @@ class Session:
         if self._cancelled:
             raise KeyboardInterrupt
 
-    def open(self, first: Payload) -> None:
-        """Deliver the first event, show what the world looks like, and have its movements told from here on."""
+    def open(self, first: Payload, estimator: Estimator | None) -> None:
+        """Deliver the first event, tell what is going to be asked, show what the world looks like, and have its
+        movements told from here on."""
         self.emit(first)
+        if isinstance(estimator, Asking):
+            self.emit(estimator.questions)
         self.emit(self._world.scenery())
         self._world.watch(self.emit)
 

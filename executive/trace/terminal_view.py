@@ -20,6 +20,7 @@ from executive.types import (
     Observation,
     OutcomeKind,
     Plan,
+    Questions,
     SkillResult,
     Started,
     Step,
@@ -87,6 +88,9 @@ def event_line(event: Event, story: Story) -> Text | None:
     match payload:
         case Started():
             text = _title(story)
+        case Questions() if payload.warnings:
+            more = f" (and {len(payload.warnings) - 1} more)" if len(payload.warnings) > 1 else ""
+            text.append(f"questions, {payload.translator}: {payload.warnings[0]}{more}", "yellow")
         case Observation():
             text.append(f"look {payload.id}: {payload.cause}" if payload.cause else f"look {payload.id}")
         case Plan():

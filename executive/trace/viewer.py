@@ -55,6 +55,7 @@ from executive.types import (
     Observation,
     Phase,
     Plan,
+    Questions,
     Scenery,
     SkillResult,
     Started,
@@ -124,6 +125,9 @@ class RerunSink:
                 self._record.send_recording_name(plain(payload.run))
             case Scenery():
                 self._show_scenery(payload)
+            case Questions():
+                for warning in payload.warnings:
+                    self._say(warning, "QUESTION", AMBER)
             case Observation():
                 self._show_pictures(payload)
             case Belief():
