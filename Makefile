@@ -1,6 +1,7 @@
 # The two commands: `make run` and `make test`. Each sets up everything first; `make help` lists the rest.
 PY := .venv/bin/python
 SOURCES := executive skills tests benchmarks
+BENCHMARKS := $(notdir $(basename $(wildcard benchmarks/[a-z]*.py)))
 
 .PHONY: help setup run test test-slow bench lint format-check types arrows unit format clean
 
@@ -8,7 +9,7 @@ help:
 	@echo "make run        set up, then sort the groceries with a dropped item on the way"
 	@echo "make test       set up, then every check: lint, format-check, types, arrows, unit"
 	@echo "make test-slow  set up, then the tests that take minutes"
-	@echo "make bench      set up, then the benchmarks, printed"
+	@echo "make bench      set up, then every benchmark, printed (long; make bench BENCHMARKS=recovery for one)"
 	@echo "make setup      the set-up alone; PYTHON=... names the interpreter"
 	@echo "make format     rewrite the sources as format-check wants them"
 	@echo "make clean      remove .venv and everything that tools leave behind (runs/ stays)"
@@ -33,7 +34,7 @@ types:
 	$(PY) -m mypy
 
 arrows:
-	.venv/bin/lint-imports
+	.venv/bin/lint-imports --no-logo
 
 unit:
 	$(PY) -m pytest -q -n auto --maxprocesses 4
@@ -42,7 +43,7 @@ test-slow: setup
 	$(PY) -m pytest -q -m slow
 
 bench: setup
-	@for benchmark in benchmarks/*.py; do echo "== $$benchmark"; $(PY) $$benchmark || exit 1; done
+	@for file in $(BENCHMARKS); do echo "== $$file"; $(PY) -m benchmarks.$$file || exit 1; done
 
 format: setup
 	$(PY) -m ruff check --fix $(SOURCES)
