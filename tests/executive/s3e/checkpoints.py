@@ -40,6 +40,7 @@ class Size:
     inner: int = 96
     vision_width: int = 32
     vision_layers: int = 2
+    vision_heads: int = 2
     picture: int = 56
     patch: int = 14
 
@@ -86,16 +87,18 @@ def build(
 
 
 def draw_weights(model: Any, answers: list[int]) -> None:
-    """Random weights of about the size at which a signal keeps its own; the output rows of the answers' tokens are
-    larger, so that a good part of the probability goes to them."""
+    """Random weights of about the size at which a signal keeps its own. Attention is drawn sharper, so that the last
+    token does not see all of a long prompt alike, and the output rows of the answers' tokens larger, so that a good
+    part of the probability goes to them."""
     import torch
 
     with torch.no_grad():
         for name, weight in model.named_parameters():
-            if weight.ndim >= 2 and "embed" not in name:
-                weight.normal_(0.0, 1.0 / math.sqrt(math.prod(weight.shape[1:])))
-            elif weight.ndim >= 2:
-                weight.normal_(0.0, 0.5)
+            if weight.ndim < 2:
+                continue
+            gain = 2.0 if "q_proj" in name or "k_proj" in name else 1.0
+            fan_in = 1 if "embed" in name else math.prod(weight.shape[1:])
+            weight.normal_(0.0, gain / math.sqrt(fan_in))
         model.get_output_embeddings().weight[answers] *= 4.0
 
 
@@ -173,7 +176,7 @@ def _qwen(tokenizer: Any, size: Size, splitting: bool) -> _Made:
             "depth": size.vision_layers,
             "hidden_size": size.vision_width,
             "intermediate_size": 2 * size.vision_width,
-            "num_heads": 2,
+            "num_heads": size.vision_heads,
             "patch_size": size.patch,
             "window_size": 4 * size.patch,
             "out_hidden_size": size.width,
@@ -245,7 +248,7 @@ def _vision(size: Size) -> dict[str, Any]:
         "hidden_size": size.vision_width,
         "intermediate_size": 2 * size.vision_width,
         "num_hidden_layers": size.vision_layers,
-        "num_attention_heads": 2,
+        "num_attention_heads": size.vision_heads,
     }
 
 
