@@ -67,8 +67,9 @@ class Session:
         """Deliver the first event, tell what is going to be asked, show what the world looks like, and have its
         movements told from here on."""
         self.emit(first)
-        if isinstance(estimator, Asking):
-            self.emit(estimator.questions)
+        asking: object = estimator  # whether it asks in words is for the running program to find out
+        if isinstance(asking, Asking):
+            self.emit(asking.questions)
         self.emit(self._world.scenery())
         self._world.watch(self.emit)
 
