@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from executive.domain import Domain, load_domain
 from executive.errors import InputError, nearest
+from executive.eye import NO_MODEL, EyeConfig, open_eye
 from executive.faults import FaultInjector, parse_fault
 from executive.loop import Executive
 from executive.planning import FastDownwardPlanner
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
-ESTIMATORS = ("oracle", "none")
+ESTIMATORS = ("oracle", "vlm", "none")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,8 @@ class RunConfig:
     """All that decides how a run goes; `config.toml` in the run's folder holds the same.
 
     `domain` is a folder or a shipped domain's name. `faults` are in the grammar of `executive.faults`. `grasp_noise`
-    is a standard deviation in m. `runs` is where the run's own folder is made, `name` what it is called.
+    is a standard deviation in m. `runs` is where the run's own folder is made, `name` what it is called. `eye` says how
+    the estimator "vlm" sees.
     """
 
     domain: str
@@ -52,11 +54,18 @@ class RunConfig:
     runs: Path = Path("runs")
     name: str | None = None
     viewer: bool = True
+    eye: EyeConfig | None = None
 
     def __post_init__(self) -> None:
         if self.estimator not in ESTIMATORS:
             raise InputError(
                 f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator"
+            )
+        if self.estimator == "vlm" and self.eye is None:
+            raise InputError(NO_MODEL, key="--estimator vlm")
+        if self.estimator != "vlm" and self.eye is not None:
+            raise InputError(
+                f"{self.estimator!r} asks no model; --vlm and --server go with --estimator vlm", key="--estimator"
             )
         if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):
             raise InputError(f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'", key="--name")
@@ -77,8 +86,10 @@ class Run:
 
     def __init__(self, config: RunConfig, sinks: Sequence[Sink] = ()) -> None:
         self.config = config
-        injected = [parse_fault(spec) for spec in config.faults]
         self.domain = load_domain(config.domain, config.problem)
+        injected = [parse_fault(spec, self.domain.task.objects) for spec in config.faults]
+        # A model takes long to load and may be none: before anything that would have to be undone.
+        seeing = open_eye(config.eye, self.domain.subject) if config.eye is not None else None
         planner = FastDownwardPlanner(self.domain.parsed)
         planner.warm_up()  # unified-planning takes seconds to import; meanwhile the scene compiles
         self.world, self.truth = _stage(self.domain, config)
@@ -89,7 +100,7 @@ class Run:
             from executive.trace.viewer import RerunSink
 
             recorders.append(RerunSink(self.folder))
-        estimator, initial = _eye(self.domain, config, self.truth)
+        estimator, initial = _eye(self.domain, config, self.truth, seeing)
         self.executive = Executive(
             self.domain.task,
             planner,
@@ -156,10 +167,14 @@ def _stage(domain: Domain, config: RunConfig) -> tuple[MujocoWorld, Truth]:
     return world, Truth(world, domain.relations)
 
 
-def _eye(domain: Domain, config: RunConfig, truth: Truth) -> tuple[Estimator | None, Facts | None]:
+def _eye(
+    domain: Domain, config: RunConfig, truth: Truth, seeing: Estimator | None
+) -> tuple[Estimator | None, Facts | None]:
     """The estimator; for the blind baseline none, and what it is told instead."""
     if config.estimator == "none":
         return None, truth.of(domain.task.atoms)
+    if seeing is not None:
+        return seeing, None
     from executive.sim.truth import Oracle
 
     return Oracle(truth), None
@@ -186,10 +201,17 @@ def _make_folder(config: RunConfig, domain: Domain) -> Path:
 
 
 def _toml(config: RunConfig) -> str:
-    lines = ["# All that decides how this run went."]
-    for field in dataclasses.fields(config):
-        value = getattr(config, field.name)
-        if value is not None:
-            # A JSON string, number, boolean or array of strings is a TOML one.
-            lines.append(f"{field.name} = {json.dumps(str(value) if isinstance(value, Path) else value)}")
+    lines = ["# All that decides how this run went.", *_settings(config)]
+    if config.eye is not None:
+        lines += ["", "[eye]", *_settings(config.eye)]
     return "\n".join(lines) + "\n"
+
+
+def _settings(config: RunConfig | EyeConfig) -> list[str]:
+    """A line for everything that is set. A JSON string, number, boolean or array of strings is a TOML one."""
+    values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
+    return [
+        f"{name} = {json.dumps(str(value) if isinstance(value, Path) else value)}"
+        for name, value in values.items()
+        if value is not None and not isinstance(value, EyeConfig)
+    ]

@@ -36,6 +36,16 @@ app = typer.Typer(
 )
 
 
+# Which model looks, and how it is asked: the same for every command that looks.
+Model = Annotated[str | None, typer.Option(help="The model: a folder, a hub id, or its name at --server.")]
+Server = Annotated[str | None, typer.Option(help="Address of an OpenAI-compatible server that has the model.")]
+TranslatorName = Annotated[str, typer.Option(help="Who words the questions: templates, llm or none.")]
+LanguageModel = Annotated[str | None, typer.Option(help="The language model for --translator llm.")]
+Instructions = Annotated[bool, typer.Option("--instructions/--no-instructions", help="Tell it how things look.")]
+PerImage = Annotated[bool, typer.Option("--per-image", help="Ask about each picture alone, and average.")]
+CalibrationFile = Annotated[Path | None, typer.Option(help="A file that corrects the probabilities.")]
+
+
 @dataclass
 class Settings:
     """What holds for every command."""
@@ -107,7 +117,16 @@ def run(
     domain: Annotated[str, typer.Argument(help="A domain's folder, or the name of one that comes with Executive.")],
     problem: Annotated[str | None, typer.Option(help="One of the domain's problems (see: executive domains).")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Fixes the scene and every chance after it.")] = 0,
-    estimator: Annotated[str, typer.Option(help="Who says what is true: oracle, or none (go on blindly).")] = "oracle",
+    estimator: Annotated[
+        str, typer.Option(help="Who says what is true: oracle, vlm (a model looks), or none (go on blindly).")
+    ] = "oracle",
+    vlm: Model = None,
+    server: Server = None,
+    translator: TranslatorName = "templates",
+    llm: LanguageModel = None,
+    instructions: Instructions = True,
+    per_image: PerImage = False,
+    calibration: CalibrationFile = None,
     fault: Annotated[
         list[str] | None, typer.Option(help="Break something: drop@4, drop:p=0.3, miss@2, shove@3.")
     ] = None,
@@ -127,9 +146,11 @@ def run(
     machine.require()
 
     from executive import assemble
+    from executive.eye import EyeConfig
     from executive.trace.report import print_summary
     from executive.trace.terminal import TerminalSink
 
+    looking = estimator == "vlm" or vlm is not None or server is not None
     config = assemble.RunConfig(
         domain=domain,
         problem=problem,
@@ -143,6 +164,7 @@ def run(
         runs=runs,
         name=name,
         viewer=viewer,
+        eye=EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration) if looking else None,
     )
     stream = sys.stderr if as_json else sys.stdout
     with assemble.Run(config, [] if quiet else [TerminalSink(stream)]) as prepared, _ctrl_c(prepared.cancel):
@@ -166,15 +188,13 @@ def estimate(
         list[str] | None, typer.Option(help="Only these, such as 'on-table(*,wood-table)' or robot-gripping.")
     ] = None,
     question: Annotated[list[str] | None, typer.Option(help="A question of your own; then only --atoms, too.")] = None,
-    vlm: Annotated[str | None, typer.Option(help="The model: a folder, a hub id, or its name at --server.")] = None,
-    server: Annotated[str | None, typer.Option(help="Address of an OpenAI-compatible server that has it.")] = None,
-    translator: Annotated[str, typer.Option(help="Who words the questions: templates, llm or none.")] = "templates",
-    llm: Annotated[str | None, typer.Option(help="The language model for --translator llm.")] = None,
-    instructions: Annotated[
-        bool, typer.Option("--instructions/--no-instructions", help="Tell the model how things look.")
-    ] = True,
-    per_image: Annotated[bool, typer.Option("--per-image", help="Ask about each picture alone, and average.")] = False,
-    calibration: Annotated[Path | None, typer.Option(help="A file that corrects the probabilities.")] = None,
+    vlm: Model = None,
+    server: Server = None,
+    translator: TranslatorName = "templates",
+    llm: LanguageModel = None,
+    instructions: Instructions = True,
+    per_image: PerImage = False,
+    calibration: CalibrationFile = None,
     out: Annotated[Path, typer.Option(help="The folder for a video's plot and recording.")] = Path("."),
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON, with the prompts.")] = False,
 ) -> int:

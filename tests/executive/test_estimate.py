@@ -29,6 +29,7 @@ from tests.executive.s3e.chat_server import ChatServerUnderTest, Request, Respon
 from tests.executive.s3e.checkpoints import build
 from tests.executive.s3e.videos import greys, write_video
 from tests.executive.test_cli import one_error_line
+from tests.executive.test_imports import HEAVY, loaded_by
 
 GROCERY = load_subject("grocery").task
 LEMON = ["--problem", "one-item"]
@@ -508,3 +509,23 @@ def test_a_checkpoint_that_is_none_is_one_line(
             weights.unlink()
     assert cli.exit_code(["estimate", "grocery", "--image", str(pictures[0]), "--vlm", str(folder)]) == 2
     assert one_error_line(capsys).startswith(str(folder))
+
+
+# What it costs to import
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import executive.estimate, executive.eye",
+        "import executive.s3e.chat, executive.s3e.server, executive.s3e.calibration, executive.s3e.reliability",
+        "import executive.s3e.pictures, executive.s3e.video, executive.trace.chart",
+    ],
+)
+def test_what_is_needed_later_is_loaded_later(statement: str) -> None:
+    assert loaded_by(statement).isdisjoint((HEAVY | {"httpx2", "sklearn", "av", "platformdirs"}) - {"pydantic"})
+
+
+def test_help_loads_nothing_heavy() -> None:
+    modules = loaded_by("from executive.cli import exit_code; exit_code(['estimate', '--help'])")
+    assert modules.isdisjoint(HEAVY - {"typer", "pydantic", "rich"})

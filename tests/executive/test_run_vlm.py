@@ -1,0 +1,208 @@
+"""Whole runs in the simulator that see through a model: behind a server or in this process, good or hopeless."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executive import cli
+from executive.assemble import Run, RunConfig
+from executive.errors import InputError
+from executive.eye import EyeConfig
+from executive.s3e import S3E
+from executive.s3e.chat import KEY
+from executive.trace.report import Summary
+from executive.types import Belief, Dispatched, Ended, Observation, OutcomeKind, Questions, Started
+from tests.executive.s3e.chat_server import Request, Response, completion, serving
+from tests.executive.s3e.checkpoints import build
+from tests.executive.sim.stage import ROOT
+from tests.executive.test_cli import FakeRun, ends, one_error_line
+from tests.fakes import Recorder
+
+TRAY = ROOT / "tests" / "domains" / "tray"
+SECRET = "sk-THE-KEY-1234567890"
+
+
+class Judge:
+    """Answers as the simulator has it, once it knows the run; before that, and to whatever is no question of the run,
+    neither yes nor no. The loop waits for the answer meanwhile, so that the simulator stands still."""
+
+    def __init__(self) -> None:
+        self.run: Run | None = None
+        self.pictures: list[int] = []
+        self.broken = False
+
+    def __call__(self, request: Request) -> Response:
+        if not request.images:
+            return completion({"Yes": 0.9, "No": 0.1})
+        self.pictures.append(len(request.images))
+        if self.broken or self.run is None or not isinstance(estimator := self.run.executive.estimator, S3E):
+            return completion({"Hm": 1.0})
+        atoms = {text: atom for atom, text in estimator.questions.text.items()}
+        atom = atoms[request.question]
+        return completion({"Yes": 0.9, "no": 0.1} if self.run.truth.of([atom])[atom] else {"yes": 0.1, "NO": 0.9})
+
+
+@pytest.fixture
+def seen(tmp_path: Path) -> Iterator[Callable[..., tuple[Run, Recorder]]]:
+    """Puts a run of the tray together that sees through a model."""
+    made: list[Run] = []
+
+    def prepare(eye: EyeConfig, **options: Any) -> tuple[Run, Recorder]:
+        recorder = Recorder()
+        settings = {"estimator": "vlm", "runs": tmp_path / "runs", "viewer": False, "name": "x", "max_actions": 8}
+        made.append(Run(RunConfig(str(TRAY), eye=eye, **{**settings, **options}), [recorder]))
+        return made[-1], recorder
+
+    yield prepare
+    for run in made:
+        run.world.close()
+
+
+def of(recorder: Recorder, kind: type[Any]) -> list[Any]:
+    return [event.payload for event in recorder.events if isinstance(event.payload, kind)]
+
+
+def test_a_model_that_sees_well_reaches_the_goal_through_a_server(
+    seen: Callable[..., tuple[Run, Recorder]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(KEY, SECRET)
+    judge = Judge()
+    with serving(judge) as server:
+        run, recorder = seen(EyeConfig(server=server.url), viewer=True)
+        judge.run = run
+        summary = run.execute()
+        sent = {request.headers["Authorization"] for request in server.requests}
+    assert summary["outcome"] == OutcomeKind.GOAL_REACHED
+    assert summary["goal_seen"] is True
+    assert summary["goal_true"] is True
+    assert summary["estimator"] == "s3e:tiny"
+    assert len(of(recorder, Dispatched)) == 4
+    cameras = {len(observation.images) for observation in of(recorder, Observation)}
+    assert set(judge.pictures) == cameras  # every look shows all cameras together
+    # The record says what was asked, what the answers rest on, and how to do it again, and tells no key.
+    (questions,) = of(recorder, Questions)
+    assert set(questions.text) == set(run.domain.task.atoms)
+    assert all(belief.evidence for belief in of(recorder, Belief))
+    assert of(recorder, Started)[0].estimator == "s3e:tiny"
+    config = tomllib.loads((run.folder / "config.toml").read_text())
+    assert config["estimator"] == "vlm"
+    assert config["eye"] == {
+        "server": server.url,
+        "translator": "templates",
+        "instructions": True,
+        "per_image": False,
+    }
+    assert sent == {f"Bearer {SECRET}"}
+    files = [file for file in run.folder.rglob("*") if file.is_file()]
+    assert len(files) > 5
+    assert not [file for file in files if SECRET.encode() in file.read_bytes()]
+
+
+@pytest.mark.parametrize("after", [0, 1])
+def test_a_model_that_stops_answering_ends_the_run_by_name(
+    seen: Callable[..., tuple[Run, Recorder]], after: int
+) -> None:
+    judge = Judge()
+    with serving(judge) as server:
+        run, recorder = seen(EyeConfig(server=server.url))
+        judge.run = run
+        recorder_write = recorder.write
+
+        def write(event: Any) -> None:
+            recorder_write(event)
+            judge.broken = judge.broken or len(of(recorder, Dispatched)) >= after
+
+        recorder.write = write  # type: ignore[method-assign]
+        judge.broken = after == 0
+        summary = run.execute()
+    assert summary["outcome"] in {OutcomeKind.GAVE_UP, OutcomeKind.NO_PLAN, OutcomeKind.PARTIAL}
+    assert summary["goal_seen"] is False
+    assert len(of(recorder, Dispatched)) == after
+    assert of(recorder, Ended)[0].reason
+
+
+def test_a_server_that_goes_away_ends_the_run_by_name(seen: Callable[..., tuple[Run, Recorder]]) -> None:
+    with serving(Judge()) as server:
+        run, recorder = seen(EyeConfig(server=server.url))
+    summary = run.execute()
+    assert summary["outcome"] == OutcomeKind.GAVE_UP
+    assert of(recorder, Dispatched) == []
+    for belief in of(recorder, Belief):
+        assert belief.unanswered == frozenset(run.domain.task.atoms)
+        assert all("connection" in evidence.error.lower() for views in belief.evidence.values() for evidence in views)
+
+
+@pytest.mark.parametrize("translator", ["templates", "none"])
+def test_a_random_checkpoint_fails_by_name(
+    seen: Callable[..., tuple[Run, Recorder]], tmp_path: Path, translator: str
+) -> None:
+    folder = build("fastvlm", tmp_path / "tiny-fastvlm", seed=1)
+    run, recorder = seen(EyeConfig(vlm=str(folder), translator=translator, instructions=False), max_replans=3)
+    summary: Summary = run.execute()
+    assert OutcomeKind(summary["outcome"]) not in {OutcomeKind.CRASHED, OutcomeKind.INTERRUPTED}
+    assert summary["estimator"] == "s3e:tiny-fastvlm"
+    (questions,) = of(recorder, Questions)
+    assert questions.answers == (("yes", "no") if translator == "templates" else ("true", "false"))
+    assert len(of(recorder, Ended)) == 1
+
+
+def test_a_model_that_is_none_leaves_no_folder(seen: Callable[..., tuple[Run, Recorder]], tmp_path: Path) -> None:
+    for eye in (EyeConfig(vlm=str(tmp_path)), EyeConfig(server="http://127.0.0.1:9")):
+        with pytest.raises(InputError):
+            seen(eye)
+    assert not (tmp_path / "runs").exists()
+
+
+# The command line
+
+
+def test_every_option_reaches_the_configuration(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("executive.assemble.Run", FakeRun)
+    monkeypatch.setattr(FakeRun, "meanwhile", staticmethod(ends(OutcomeKind.GOAL_REACHED)))
+    line = (
+        "run grocery --quiet --estimator vlm --vlm seer --server http://127.0.0.1:9/v1 --translator llm --llm writer "
+        f"--no-instructions --per-image --calibration {tmp_path / 'correction.json'}"
+    )
+    assert cli.exit_code(shlex.split(line)) == 0
+    eye = EyeConfig("seer", "http://127.0.0.1:9/v1", "llm", "writer", False, True, tmp_path / "correction.json")
+    assert FakeRun.last.config == RunConfig("grocery", estimator="vlm", eye=eye)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("--estimator vlm", "--vlm"),
+        ("--vlm seer", "--vlm and --server go with --estimator vlm"),
+        ("--estimator none --server http://127.0.0.1:9", "--vlm and --server go with --estimator vlm"),
+        ("--estimator vlm --server http://me:pw@127.0.0.1:9", "scheme, host, port and path alone"),
+        ("--estimator vlm --server http://127.0.0.1:9", "no server answers there"),
+        ("--estimator vlm --vlm nowhere/at/all", "no such folder"),
+        ("--estimator vmm", "did you mean 'vlm'?"),
+    ],
+)
+def test_what_does_not_go_together_is_one_line(
+    line: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.exit_code(["run", "grocery", "--quiet", "--runs", str(tmp_path / "runs"), *line.split()]) == 2
+    assert said in one_error_line(capsys)
+    assert not (tmp_path / "runs").exists()
+
+
+def test_the_record_can_be_read_by_anyone(seen: Callable[..., tuple[Run, Recorder]]) -> None:
+    """Questions and masses as plain JSON, a line an event."""
+    judge = Judge()
+    with serving(judge) as server:
+        run, _ = seen(EyeConfig(server=server.url), max_actions=1)
+        judge.run = run
+        run.execute()
+    events = [json.loads(line) for line in (run.folder / "events.jsonl").read_text().splitlines()]
+    (questions,) = [event["data"] for event in events if event["type"] == "Questions"]
+    assert set(questions["text"]) == set(map(str, run.domain.task.atoms))
+    assert any(event["type"] == "Belief" and event["data"]["evidence"] for event in events)
