@@ -18,8 +18,8 @@ _STRIP = 36
 _ALIKE, _PICTURES, _PAUSE = 3, 30, 0.25
 """Panels fill over several frames after a jump, and the viewer greets with notifications: a picture counts when so many
 in a row are alike. So many are taken at most, with a pause in wall seconds between them."""
-_PATIENCE, _READING = 60.0, 5.0
-"""Wall seconds that reading may take in all, and until there is anything to be seen."""
+_PATIENCE, _READING = 120.0, 15.0
+"""Wall seconds that a file may take to be read, and what was read to be laid out."""
 
 
 def screenshot(
@@ -50,7 +50,7 @@ def screenshot(
     path = trace_file(trace)
     with headless_viewer((size[0], size[1] + _STRIP)) as viewer:
         viewer.open([str(path)])
-        _settle(viewer, path)
+        settle(viewer, path)
         view = None if panel is None else _view_id(viewer, path, panel)
         _arrange(viewer, view)
         if at_time is not None:
@@ -58,25 +58,38 @@ def screenshot(
         elif at_cycle is not None:
             _check_cycle(viewer, path, at_cycle)
             viewer.set_time("cycle", sequence=at_cycle, play_state="paused")
-        picture = _still(viewer, view)
+        picture = still(viewer, view)
         views = viewer.get_state().views
     Path(png).write_bytes(picture if view else _without_strip(picture))
     return [f"{each.name}: {report.severity}: {report.summary}" for each in views for report in each.reports]
 
 
-def _settle(viewer: ViewerClient, path: Path) -> None:
-    """Wait until the whole file has been read."""
-    start = time.monotonic()
-    while (state := viewer.get_state()).loading or not state.recordings:
-        if time.monotonic() - start > (_PATIENCE if state.loading else _READING):
+def settle(viewer: ViewerClient, path: Path) -> None:
+    """Wait until the whole file has been read and its own layout has taken the place of the viewer's guess.
+
+    Raises:
+        InputError: that does not happen.
+    """
+    start = loaded = time.monotonic()
+    last: set[str] = set()
+    while True:
+        state, now = viewer.get_state(), time.monotonic()
+        views = {view.view_id for view in state.views}
+        if state.recordings and not state.loading and views and views == last:
+            return
+        loaded = now if state.loading else loaded
+        if now - start > _PATIENCE or now - loaded > _READING:
             raise InputError("the viewer cannot read it", file=path)
-        time.sleep(0.1)
+        last = views
+        viewer.take_screenshot(max_size=64)  # a frame has to be drawn for the layout to be taken up
+        time.sleep(_PAUSE)
 
 
 def _check_cycle(viewer: ViewerClient, path: Path, cycle: int) -> None:
     for line in viewer.get_state().recordings[0].timelines:
-        if line.name == "cycle" and not line.start <= cycle <= line.end:
-            raise InputError(f"there is no cycle {cycle}; the run has cycles {line.start} to {line.end}", file=path)
+        first, last = line.start, line.end
+        if line.name == "cycle" and first is not None and last is not None and not first <= cycle <= last:
+            raise InputError(f"there is no cycle {cycle}; the run has cycles {first} to {last}", file=path)
 
 
 def _view_id(viewer: ViewerClient, path: Path, panel: str) -> str:
@@ -96,7 +109,8 @@ def _arrange(viewer: ViewerClient, view: str | None) -> None:
     viewer.set_blueprint(blueprint, of="recording")
 
 
-def _still(viewer: ViewerClient, view: str | None) -> bytes:
+def still(viewer: ViewerClient, view: str | None = None) -> bytes:
+    """The whole viewer or one view of it as PNG, once nothing in it changes any more."""
     picture, alike = b"", 0
     for _ in range(_PICTURES):
         last, picture = picture, viewer.take_screenshot(view)

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image as Picture
 
 from executive.errors import InputError, MissingError
-from executive.trace.screenshot import screenshot
+from executive.trace.screenshot import screenshot, settle, still
 from executive.trace.viewer import RerunSink
 from executive.trace.viewer_process import ViewerError, headless_viewer, open_window
 from executive.types import Event, Phase
@@ -62,8 +62,8 @@ def test_a_moment_of_a_run(run: Path, tmp_path: Path) -> None:
 def test_every_panel_shows_something_and_complains_of_nothing(run: Path) -> None:
     with headless_viewer((1600, 1000)) as viewer:
         viewer.open([str(run / "trace.rrd")])
-        for _ in range(4):
-            viewer.take_screenshot(max_size=64)
+        settle(viewer, run)
+        still(viewer)
         views = viewer.get_state().views
         assert {view.name for view in views} >= {
             "scene", "overview", "side", "run", "belief against expectation", "plan", "what was going on",
