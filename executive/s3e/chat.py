@@ -8,6 +8,7 @@ that is printed, recorded or raised can tell it.
 from __future__ import annotations
 
 import asyncio
+import difflib
 import json
 import os
 from collections.abc import Callable, Coroutine, Mapping, Sequence
@@ -17,7 +18,7 @@ from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
-from executive.errors import InputError, nearest
+from executive.errors import InputError
 
 if TYPE_CHECKING:
     import httpx2
@@ -31,6 +32,10 @@ LARGEST = 4_000_000
 
 START = "start one, such as: vllm serve MODEL, or: llama-server -m MODEL.gguf --mmproj PROJECTOR.gguf"
 
+_GREETING = 20.0
+"""Seconds that a server may take to list its models."""
+_NAMED = 8
+"""How many models an error message names."""
 _TOLD = 200
 """Characters of a server's own error message that are passed on."""
 _BUSY = frozenset({408, 425, 429})
@@ -110,8 +115,9 @@ class ChatServer:
         self._encrypted = self.url.startswith("https:")
         self._met = False
         self.models = self._list_models(needed=model is None)
+        self.model = model or ""
         if model is None and len(self.models) != 1:
-            raise ServerError(f"name the model that is to be asked; {nearest('', self.models)}", file=self.url)
+            raise ServerError(f"name the model that is to be asked; {self.known()}", file=self.url)
         self.model = model or self.models[0]
         self._met = True
 
@@ -124,6 +130,13 @@ class ChatServer:
         parts = [part for part in self.model.replace("\\", "/").split("/") if part]
         path = len(parts) > 2 or self.model.startswith((".", "/", "~")) or "\\" in self.model
         return parts[-1] if parts and (path or self.model.endswith(".gguf")) else self.model
+
+    def known(self) -> str:
+        """The models that the server has, for an error message; the nearest to what was asked for where it has many."""
+        near = difflib.get_close_matches(self.model, self.models, n=_NAMED, cutoff=0.0)
+        shown = sorted(self.models if len(self.models) <= _NAMED else near)
+        more = f" and {len(self.models) - len(shown)} more" if len(self.models) > len(shown) else ""
+        return f"it has: {', '.join(shown)}{more}" if shown else "it does not say which it has"
 
     def complete(self, requests: Sequence[Mapping[str, Any]], read: Callable[[Any], _T]) -> list[_T | Failure]:
         """Ask for a chat completion of each request, several at once; what `read` makes of each reply, in order.
@@ -152,7 +165,7 @@ class ChatServer:
 
         async def ask() -> tuple[str, ...] | Failure:
             async with self._client() as client:
-                return await self._try(client, "models", _models)
+                return await self._try(client, "models", _models, seconds=min(_GREETING, self.patience.reply))
 
         models = _run(ask())
         if not isinstance(models, Failure):
@@ -188,12 +201,18 @@ class ChatServer:
         return key
 
     async def _try(
-        self, client: httpx2.AsyncClient, path: str, read: Callable[[Any], _T], body: bytes | None = None
+        self,
+        client: httpx2.AsyncClient,
+        path: str,
+        read: Callable[[Any], _T],
+        body: bytes | None = None,
+        seconds: float | None = None,
     ) -> _T | Failure:
-        """Ask, and ask again while that may help and there is time left."""
+        """Ask, and ask again while that may help and there is time left (`seconds`, or what the patience allows)."""
         patience, trouble = self.patience, ReplyError("")
+        seconds = patience.reply if seconds is None else seconds
         try:
-            async with asyncio.timeout(patience.reply):
+            async with asyncio.timeout(seconds):
                 for number in range(patience.tries):
                     if number:
                         await asyncio.sleep(max(trouble.after, patience.pause * 2 ** (number - 1)))
@@ -205,7 +224,7 @@ class ChatServer:
                             break
         except TimeoutError:
             last = f"; the last try: {trouble.reason}" if trouble.reason else ""
-            trouble = ReplyError(f"no reply within {patience.reply:g} s{last}", gone=True)
+            trouble = ReplyError(f"no reply within {seconds:g} s{last}", gone=True)
         return Failure(self._told(trouble.reason), trouble.gone, trouble.status)
 
     async def _once(self, client: httpx2.AsyncClient, path: str, body: bytes | None) -> Any:

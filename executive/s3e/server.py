@@ -61,7 +61,9 @@ class ServerBackend:
         request = {"messages": [{"role": "user", "content": "Is water wet? Answer yes or no."}], **self.wanted}
         (reply,) = self.server.complete([request], lambda reply: masses(reply, YES_NO))
         if isinstance(reply, Failure):
-            raise ServerError(reply.reason, file=self.server.url)
+            unknown = reply.status == 404 and self.server.model not in self.server.models
+            hint = f"; no model {self.server.model!r} there? {self.server.known()}" if unknown else ""
+            raise ServerError(f"{reply.reason}{hint}", file=self.server.url)
 
     @property
     def wanted(self) -> dict[str, object]:
