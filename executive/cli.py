@@ -187,7 +187,9 @@ def estimate(
     atoms: Annotated[
         list[str] | None, typer.Option(help="Only these, such as 'on-table(*,wood-table)' or robot-gripping.")
     ] = None,
-    question: Annotated[list[str] | None, typer.Option(help="A question of your own; then only --atoms, too.")] = None,
+    question: Annotated[
+        list[str] | None, typer.Option(help="A question of your own, instead of all atoms; repeat it for more.")
+    ] = None,
     vlm: Model = None,
     server: Server = None,
     translator: TranslatorName = "templates",
