@@ -28,6 +28,7 @@ Encoding: TypeAlias = Literal["png", "jpeg"]
 
 _TOLERANCE = 1e-3
 """By how much probabilities that were rounded on the way may add up to more than 1."""
+_NO_NUMBER = object()
 _VARIED = 0.7
 """The temperature of a reply that is to differ from the likeliest one."""
 _SPACES = str.maketrans({"\N{LOWER ONE EIGHTH BLOCK}": " ", "\N{LATIN CAPITAL LETTER G WITH DOT ABOVE}": " "})
@@ -170,10 +171,12 @@ def masses(reply: Any, words: AnswerWords) -> tuple[float, float]:
         entry = reply["choices"][0]["logprobs"]["content"][0]
         listed = [(top["token"], top["logprob"]) for top in entry.get("top_logprobs") or ()]
         chosen = (entry["token"], entry["logprob"])
+        numbers = [top.get("id") for top in entry.get("top_logprobs") or ()]
     except (LookupError, TypeError, AttributeError):
         raise _no_logprobs(reply) from None
-    # The token that was generated is not always among those that are listed beside it.
-    if chosen[0] not in [token for token, _ in listed]:
+    # The token that was generated is not always among those that are listed beside it. llama.cpp gives each a number,
+    # and may write the same token differently here and there.
+    if chosen[0] not in [token for token, _ in listed] and entry.get("id", _NO_NUMBER) not in numbers:
         listed.append(chosen)
     probabilities = [(_spelling(token), _probability(logprob)) for token, logprob in listed]
     total = sum(probability for _, probability in probabilities)

@@ -185,6 +185,18 @@ def test_the_generated_token_counts_once_even_where_it_is_not_listed() -> None:
     assert masses(reply, YES_NO) == pytest.approx((0.2, 0.0))
 
 
+def test_a_token_is_the_same_by_its_number_whatever_it_is_written_as() -> None:
+    reply = json.loads(completion({" yes": 0.6, "no": 0.3}).body)
+    entry = reply["choices"][0]["logprobs"]["content"][0]
+    for number, top in enumerate(entry["top_logprobs"]):
+        top["id"] = number
+    entry.update(token="yes", id=0)
+    assert masses(reply, YES_NO) == pytest.approx((0.6, 0.3))
+    entry["id"] = 7
+    entry["logprob"] = math.log(0.1)
+    assert masses(reply, YES_NO) == pytest.approx((0.7, 0.3))
+
+
 @pytest.mark.parametrize("token", ["\u2581Yes", "\u0120Yes"])
 def test_leading_spaces_are_known_as_vocabularies_spell_them(token: str) -> None:
     assert masses(json.loads(completion({token: 0.5}).body), YES_NO) == pytest.approx((0.5, 0.0))
