@@ -18,6 +18,9 @@ from skills.motion import MotionPlanner
 OPEN_WIDTH = 0.080
 """m; wider than this the fingers are open."""
 
+CARRYING = 0.7
+"""Share of the speed that is gone at with something in the hand."""
+
 _EMPTY_WIDTH = 0.004
 """m; narrower than this the fingers have closed on nothing."""
 
@@ -247,4 +250,7 @@ def go_home(attempt: Attempt) -> None:
     path = attempt.plan([attempt.handle.limits.home], held)
     if path is None:
         raise SkillError(SkillStatus.NO_PATH, "no collision-free motion to the home pose")
-    attempt.move("home" if held is None else "transfer", path, planned=True)
+    if held is None:
+        attempt.move("home", path, planned=True)
+    else:
+        attempt.move("transfer", path, speed=CARRYING, planned=True)

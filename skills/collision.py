@@ -90,7 +90,9 @@ class CollisionModel:
         """The items that touch the held one at `q`."""
         if self._held is None:
             return frozenset()
-        names = {part.split("/")[0] for pair in self.touching(q) for part in pair if self._held.item in pair[0] + pair[1]}
+        names = {
+            part.split("/")[0] for pair in self.touching(q) for part in pair if self._held.item in pair[0] + pair[1]
+        }
         return frozenset(names & self._items.keys()) - {self._held.item}
 
     def touching(self, q: FloatArray) -> list[tuple[str, str]]:

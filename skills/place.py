@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from executive.protocols import SkillContext
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 from skills import grasps, poses
-from skills.arm import Attempt, SkillError, go_home, perform
+from skills.arm import CARRYING, Attempt, SkillError, go_home, perform
 from skills.collision import Held
 
 _LOWER = np.linspace(0.10, 0.0, 8)
@@ -60,7 +60,7 @@ def _place(attempt: Attempt) -> None:
             break
     else:
         raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {table}")
-    attempt.move("transfer", path, planned=True, then=[descent.lower, descent.retreat])
+    attempt.move("transfer", path, speed=CARRYING, planned=True, then=[descent.lower, descent.retreat])
     attempt.move("lower", descent.lower, speed=0.5)
     attempt.still_held()
     attempt.phase("release")
