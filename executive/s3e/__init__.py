@@ -12,11 +12,18 @@ Works without the rest of the executive:
     belief = estimator.estimate(observe({"front": picture}), subject.task.atoms)
     belief.probability[Atom.parse("on-table(lemon,wood-table)")]         # not there if it is in belief.unanswered
 
+A backend is a checkpoint in this process, `TransformersBackend("path/to/checkpoint")`, or a model behind any
+OpenAI-compatible server, `ServerBackend(ChatServer("http://127.0.0.1:8000/v1"))`; a picture comes from a camera or from
+`read_picture("front.png")`.
+
 The names below load no model and no library that runs one; those come with the first model that is made.
 """
 
 from executive.s3e.backend import TRUE_FALSE, YES_NO, Answer, AnswerWords, Backend, Look
+from executive.s3e.calibration import Calibration
+from executive.s3e.chat import ChatServer
 from executive.s3e.estimator import LEAST_MASS, S3E, Finding, View, Views, observe
+from executive.s3e.pictures import read_picture
 from executive.s3e.questions import (
     Templates,
     Translator,
@@ -26,7 +33,10 @@ from executive.s3e.questions import (
     load_instructions,
     load_questions,
 )
+from executive.s3e.server import ServerBackend, ServerWriter
 from executive.s3e.translators import LanguageModel, Reply, Writer
+from executive.s3e.vlm import TransformersBackend
+from executive.s3e.writer import LocalWriter
 from executive.types import Questions
 
 __all__ = [
@@ -37,12 +47,18 @@ __all__ = [
     "Answer",
     "AnswerWords",
     "Backend",
+    "Calibration",
+    "ChatServer",
     "Finding",
     "LanguageModel",
+    "LocalWriter",
     "Look",
     "Questions",
     "Reply",
+    "ServerBackend",
+    "ServerWriter",
     "Templates",
+    "TransformersBackend",
     "Translator",
     "Untranslated",
     "View",
@@ -53,4 +69,5 @@ __all__ = [
     "load_instructions",
     "load_questions",
     "observe",
+    "read_picture",
 ]
