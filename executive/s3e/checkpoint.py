@@ -20,6 +20,9 @@ CONFIG, WEIGHTS, INDEX = "config.json", "model.safetensors", "model.safetensors.
 PROCESSORS = ("processor_config.json", "preprocessor_config.json")
 TOKENIZERS = ("tokenizer.json", "tokenizer.model", "vocab.json", "spiece.model", "tekken.json")
 
+_JSON = (*PROCESSORS, "tokenizer_config.json", "tokenizer.json", "generation_config.json")
+"""Read again by their own readers, which do not all say which file was broken."""
+
 _HUB_ID = re.compile(r"[A-Za-z0-9][\w.\-]*/[A-Za-z0-9][\w.\-]*")
 _LARGEST_HEADER = 100_000_000
 """Bytes: the most that the safetensors format allows its header."""
@@ -73,7 +76,13 @@ def inspect(folder: Path, name: str, *, pictures: bool = True) -> Checkpoint:
     if not any((folder / file).is_file() for file in TOKENIZERS):
         raise InputError(f"has no tokenizer (wanted one of {', '.join(TOKENIZERS)})", file=folder)
     if pictures and not any((folder / file).is_file() for file in PROCESSORS):
-        raise InputError(f"has no processor for pictures (wanted {' or '.join(PROCESSORS)})", file=folder)
+        raise InputError(
+            f"has no processor for pictures (wanted {' or '.join(PROCESSORS)}); does a {model_type!r} take pictures?",
+            file=folder,
+        )
+    for file in (folder / part for part in _JSON):
+        if file.is_file():
+            read_json(file, "")
     return Checkpoint(folder, name, model_type, sum(stored[kind] for kind in _HALF) * 2 > stored.total())
 
 

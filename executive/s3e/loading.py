@@ -214,10 +214,19 @@ def _check_family(checkpoint: Checkpoint, families: Collection[str], what: str, 
 def _load_model(checkpoint: Checkpoint, family: Any, dtype: torch.dtype, device: str) -> Any:
     with _in_one_line(checkpoint, "its model cannot be loaded"), _quiet():
         model, report = family.from_pretrained(
-            checkpoint.folder, dtype=dtype, use_safetensors=True, output_loading_info=True, **_LOCAL
+            checkpoint.folder,
+            dtype=dtype,
+            use_safetensors=True,
+            output_loading_info=True,
+            ignore_mismatched_sizes=True,  # said below, in one line
+            **_LOCAL,
         )
+    # Whatever is not in the weights would be drawn at random, and the model would answer at random.
+    for name, stored, wanted in sorted(report["mismatched_keys"]):
+        shapes = f"{tuple(stored)} in the weights, {tuple(wanted)} by {CONFIG}"
+        raise InputError(f"its weights are another model's: {name} is {shapes}", file=checkpoint.folder)
     missing = sorted(report["missing_keys"])
-    if missing:  # transformers would draw them at random, and the model would answer at random
+    if missing:
         raise InputError(
             f"its weights lack {len(missing)} of the model's, such as {missing[0]}", file=checkpoint.folder
         )

@@ -54,6 +54,8 @@ class Beginning:
         """
         common = _common(one, another)
         alike = _common(one[::-1], taken[::-1])
+        if 0 < alike < len(taken) and taken[-alike] == taken[-alike - 1]:
+            alike -= 1  # the last of a picture's own tokens, which is its mark in the text, too
         pictured = len(one) - alike
         if common < max(1, pictured):
             raise UnsupportedError("its prompts differ before the last picture")

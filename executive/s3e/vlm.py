@@ -40,7 +40,7 @@ distributions (their total variation). Rounding alone makes about 1e-6 in float3
 PROBES = ("Is anything there?", "Are all of these things the same?")
 """What the paths are compared on. They begin differently, so that what they have in common ends before the question."""
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 
 class TransformersBackend:
@@ -129,13 +129,13 @@ class TransformersBackend:
         except Exception as error:  # whatever it is that a model raises which does not take part
             if path == "shared":
                 raise InputError(f"cannot share what pictures cost ({_line(error)})", file=self._folder) from error
-            _LOG.warning("%s: asked one by one, because sharing failed: %s", self.name, _line(error))
+            log.warning("%s: asked one by one, because sharing failed: %s", self.name, _line(error))
             self._paths[count] = "one by one"
             return None
         allowed = TOLERANCE[self.dtype]
         alike = difference <= allowed  # and not a number is not alike
         self._paths[count] = "shared" if alike else "one by one"
-        _LOG.log(
+        log.log(
             logging.INFO if alike else logging.WARNING,
             "%s: asked %s, because sharing changes answers about %d picture%s by %.1e (at most %.0e is rounding)",
             *(self.name, self._paths[count], count, "s" * (count > 1), difference, allowed),
@@ -206,7 +206,7 @@ class TransformersLook:
         try:
             yield from zip(suffixes, self._prefix.logits(list(suffixes.values())), strict=True)
         except Exception as error:  # out of memory, as a rule
-            _LOG.warning("the rest of this look is asked one by one: %s", _line(error))
+            log.warning("the rest of this look is asked one by one: %s", _line(error))
             self._prefix = None
 
     def _alone(self, shown: _Shown, prompt: str) -> Answer:

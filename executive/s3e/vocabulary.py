@@ -14,7 +14,7 @@ from typing import Any
 from executive.errors import InputError
 from executive.s3e.backend import AnswerWords
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +44,11 @@ def answer_tokens(tokenizer: Any, words: AnswerWords, vocabulary: int) -> Answer
     begun = [_begun(tokenizer, answer, vocabulary) for answer in forms]
     found = []
     for this, other in ((0, 1), (1, 0)):
-        tokens = whole[this]
+        tokens = whole[this] - whole[other]
         if not tokens:
             tokens = begun[this] - begun[other] - whole[other]
             if tokens:
-                _LOG.info("no form of %r is a token of its own: its forms' first tokens are counted", names[this])
+                log.info("no form of %r is a token of its own: its forms' first tokens are counted", names[this])
         if not tokens:
             raise InputError(
                 f"no token tells the answer {names[this]!r} from {names[other]!r}: this tokenizer has none of the "

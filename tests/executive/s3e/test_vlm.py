@@ -85,13 +85,19 @@ def test_sharing_changes_no_answer(backend: Pick, family: str, count: int) -> No
         assert min(moved) > 1e-4
 
 
+@cache
+def asked_alone(model: TransformersBackend) -> list[Answer]:
+    """Each question in a look of its own."""
+    return [answer for question in QUESTIONS for answer in model.look(pictures(1), SYSTEM).ask([question])]
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_an_answer_depends_on_no_other_question(backend: Pick, family: str, data: st.DataObject) -> None:
     """Any questions, in any order, repeated, in any batches over one look: each gets the answer that it gets alone."""
     model = backend(family)
-    alone = [answer for question in QUESTIONS for answer in model.look(pictures(1), SYSTEM).ask([question])]
+    alone = asked_alone(model)
     order = data.draw(st.lists(st.sampled_from(range(len(QUESTIONS))), max_size=20))
     cuts = sorted(data.draw(st.sets(st.integers(0, len(order)), max_size=3)))
     look = model.look(pictures(1), SYSTEM)
