@@ -67,6 +67,7 @@ def build(
         splitting: whether a picture is also taken in parts (SmolVLM alone).
     """
     import torch
+    from transformers.utils import logging as chatter
 
     maker = _MAKERS[family]
     folder.mkdir(parents=True, exist_ok=True)
@@ -76,6 +77,7 @@ def build(
         torch.manual_seed(seed)
         model = made.model()
         draw_weights(model, [tokenizer.convert_tokens_to_ids(token) for token in _answer_tokens()])
+    chatter.disable_progress_bar()
     model.save_pretrained(folder)
     tokenizer.save_pretrained(folder)
     made.image_processor.save_pretrained(folder)
