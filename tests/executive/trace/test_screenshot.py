@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -42,17 +42,22 @@ def pixels(png: Path | bytes) -> np.ndarray[tuple[int, int, int], np.dtype[np.ui
         return np.asarray(picture.convert("RGB"))
 
 
-def viewers() -> list[str]:
-    listed = subprocess.run(["ps", "-eo", "pid,stat,args"], capture_output=True, text=True, check=True).stdout
-    return [line for line in listed.splitlines() if "rerun" in line and "--headless" in line and " Z" not in line]
+def processes(mark: str) -> list[Path]:
+    """The living processes that were started with `mark` in their environment."""
+    found = []
+    for environment in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):  # it has just ended
+            if mark.encode() in environment.read_bytes():
+                found.append(environment.parent)
+    return found
 
 
 @draws
-def test_a_moment_of_a_run(run: Path, tmp_path: Path) -> None:
-    before = len(viewers())
+def test_a_moment_of_a_run(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STARTED_BY", str(tmp_path))
     assert screenshot(run, tmp_path / "drop.png", at_cycle=2, size=(1200, 800)) == []
     assert screenshot(run, tmp_path / "end.png", size=(1200, 800)) == []
-    assert len(viewers()) <= before, "no viewer is left behind"
+    assert processes(f"STARTED_BY={tmp_path}") == [], "no viewer is left behind"
     drop, end = pixels(tmp_path / "drop.png"), pixels(tmp_path / "end.png")
     assert drop.shape == end.shape == (800, 1200, 3)
     assert (drop != end).any(axis=2).mean() > 0.02, "two moments look different"
