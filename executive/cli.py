@@ -173,8 +173,10 @@ def run(
         print_summary(summary, prepared.folder, stream)
     if as_json:
         print(json.dumps(summary, indent=2))
-    codes = {OutcomeKind.GOAL_REACHED: REACHED, OutcomeKind.INTERRUPTED: INTERRUPTED}
-    return codes.get(OutcomeKind(summary["outcome"]), NOT_REACHED)
+    if summary["outcome"] == OutcomeKind.INTERRUPTED:
+        return INTERRUPTED
+    # A goal that nobody saw is not reported as reached, whatever a blind robot believes.
+    return REACHED if summary["goal_seen"] else NOT_REACHED
 
 
 @app.command()
