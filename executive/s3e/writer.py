@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from copy import deepcopy
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +13,8 @@ from executive.s3e.checkpoint import Checkpoint, find
 from executive.s3e.loading import load_language_model
 from executive.s3e.translators import Reply
 
-MOST_TOKENS = 200
-"""Of a reply; a question has some twenty."""
+MOST_TOKENS = 80
+"""Of a reply. A question has some twenty, and one that is longer than this is refused anyway."""
 
 TEMPERATURE = 0.8
 """Of every attempt but the first, which takes the likeliest token each time."""
@@ -46,24 +48,47 @@ class LocalWriter:
     def write(self, system: str, prompts: Sequence[str], attempt: int) -> list[Reply]:
         """A reply to each prompt on its own; see `executive.s3e.translators.Writer`. The same prompt and attempt get
         the same reply, whatever else is asked."""
-        return [self._reply(system, prompt, attempt) for prompt in prompts]
+        try:
+            shared = self._shared(system)
+        except Exception as error:  # out of memory, say
+            return [Reply(error=f"{type(error).__name__}: {error}")] * len(prompts)
+        return [self._reply(system, prompt, attempt, *shared) for prompt in prompts]
 
-    def _reply(self, system: str, prompt: str, attempt: int) -> Reply:
+    def _shared(self, system: str) -> tuple[list[int], Any]:
+        """The tokens that every prompt under this system prompt begins with, and what the model keeps of them: a whole
+        domain, which is read once."""
+        import torch
+
+        one, other = (self._tokens(system, prompt) for prompt in ("on(a)", "in(b)"))
+        same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))
+        beginning = torch.tensor([one[:same]], device=self._device)
+        with torch.inference_mode():
+            return one[:same], self._model(input_ids=beginning, use_cache=True).past_key_values if same else None
+
+    def _reply(self, system: str, prompt: str, attempt: int, beginning: Sequence[int], kept: Any) -> Reply:
         import torch
 
         try:
-            tokens = self._tokenizer(self._render(system, prompt), add_special_tokens=False, return_tensors="pt")
-            tokens = tokens.to(self._device)
+            tokens = self._tokens(system, prompt)
+            begins = kept is not None and len(tokens) > len(beginning) and tokens[: len(beginning)] == beginning
+            ids = torch.tensor([tokens], device=self._device)
             with torch.random.fork_rng(), torch.inference_mode():
                 torch.manual_seed(int.from_bytes(hashlib.sha256(f"{attempt} {prompt}".encode()).digest()[:8], "big"))
                 drawn = {"do_sample": True, "temperature": TEMPERATURE} if attempt else {"do_sample": False}
                 written = self._model.generate(
-                    **tokens, max_new_tokens=MOST_TOKENS, pad_token_id=self._tokenizer.eos_token_id, **drawn
+                    input_ids=ids,
+                    attention_mask=torch.ones_like(ids),
+                    past_key_values=deepcopy(kept) if begins else None,
+                    max_new_tokens=MOST_TOKENS,
+                    pad_token_id=self._tokenizer.eos_token_id,
+                    **drawn,
                 )
-            reply = written[0, tokens["input_ids"].shape[1] :]
-            return Reply(self._tokenizer.decode(reply, skip_special_tokens=True))
-        except Exception as error:  # out of memory, say: the other prompts may do better
+            return Reply(self._tokenizer.decode(written[0, len(tokens) :], skip_special_tokens=True))
+        except Exception as error:  # the other prompts may do better
             return Reply(error=f"{type(error).__name__}: {error}")
+
+    def _tokens(self, system: str, prompt: str) -> list[int]:
+        return list(self._tokenizer(self._render(system, prompt), add_special_tokens=False)["input_ids"])
 
     def _render(self, system: str, prompt: str) -> str:
         """The conversation as the model was trained to see it; plain text for a model that has no chat template."""
