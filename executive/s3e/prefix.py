@@ -1,13 +1,17 @@
 """The beginning that all prompts of a look share, pictures included, run through the model once.
 
-What a decoder computes for a token depends on the tokens before it alone. So the keys and values of the beginning are
-kept, and each question costs its own tokens only. Many questions go through together, laid end to end in one row: a
-mask lets each token see the beginning and the earlier tokens of its own question, and its position is the one that it
-would have if its question were the only one.
+What a decoder computes for a token depends on the tokens before it alone. So what it keeps of the beginning is kept,
+and each question costs its own tokens only. Many questions go through together, in one of two ways.
+
+Most models keep keys and values of every token. Then the questions are laid end to end in one row: a mask lets each
+token see the beginning and the earlier tokens of its own question, and its position is the one that it would have if
+its question were the only one. Layers that forget (a sliding window, as in Gemma) or sum up (linear attention, as in
+Qwen3.5) cannot be told whom to see; then what is kept is copied, and each question has a row of its own.
 """
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -16,8 +20,11 @@ if TYPE_CHECKING:
     import torch
 
 AT_ONCE = 512
-"""Question tokens that go through the model together. Fewer waste a machine's parallelism, more waste work on pairs of
-questions that must not see each other, and memory for their mask."""
+"""Question tokens that go through the model together in one row. Fewer waste a machine's parallelism, more waste work
+on pairs of questions that must not see each other, and memory for their mask."""
+
+COPIED_AT_ONCE = 16_384
+"""Tokens in all rows together, beginnings included, where each question has a row of its own."""
 
 
 class UnsupportedError(Exception):
@@ -38,12 +45,14 @@ class Beginning:
 
     `text` are the tokens as the tokenizer makes them from the rendered text, where a picture is a single mark or so;
     `length` is how many the model takes for them, where a picture is as many tokens as the processor puts in. After
-    the first `pictured` of `text` no picture comes any more, and the two agree one by one.
+    the first `pictured` of `text` no picture comes any more, and the two agree one by one. It is `plain` when the last
+    token is the same in both, and not one that the processor put there (Gemma's puts newlines after a picture).
     """
 
     text: tuple[int, ...]
     length: int
     pictured: int
+    plain: bool
 
     @classmethod
     def between(cls, one: Sequence[int], another: Sequence[int], taken: Sequence[int]) -> Beginning:
@@ -59,16 +68,19 @@ class Beginning:
         pictured = len(one) - alike
         if common < max(1, pictured):
             raise UnsupportedError("its prompts differ before the last picture")
-        return cls(tuple(one[:common]), len(taken) - (len(one) - common), pictured)
+        length = len(taken) - (len(one) - common)
+        return cls(tuple(one[:common]), length, pictured, one[common - 1] == taken[length - 1])
 
-    def suffix(self, prompt: Sequence[int]) -> Suffix | None:
-        """What is to be run for a prompt, given its tokens. None when it parts from the beginning before the last
-        picture.
+    def suffix(self, prompt: Sequence[int], question: str) -> Suffix | None:
+        """What is to be run for a prompt, given its tokens. None when it has to be asked alone.
 
         A question may change how the end of the beginning is cut into tokens (a newline before it, joined with a
         newline that it starts with). It then shares that much less; prefix and suffix together are always exactly the
-        tokens of the whole prompt.
+        tokens of the whole prompt. What the processor put there cannot be seen in the prompt's own tokens; a letter or
+        a digit joins with none of that, and anything else is asked alone.
         """
+        if not (self.plain or question[:1].isalnum()):
+            return None
         shared = min(_common(self.text, prompt), len(prompt) - 1)
         if shared < self.pictured:
             return None
@@ -84,7 +96,7 @@ class Prefix:
         beginning: how much of that is the beginning.
 
     Raises:
-        UnsupportedError: the model keeps something else than keys and values of every token.
+        UnsupportedError: the model keeps nothing.
         Exception: whatever a model raises that does not take what it is given here.
     """
 
@@ -99,26 +111,37 @@ class Prefix:
         cache = DynamicCache(config=model.config)
         with torch.inference_mode():
             model(**begun, past_key_values=cache, use_cache=True, logits_to_keep=1)
-        if any(type(layer) is not DynamicLayer or layer.get_seq_length() != length for layer in cache.layers):
-            kinds = sorted({type(layer).__name__ for layer in cache.layers})
-            raise UnsupportedError(f"it keeps something else than keys and values of every token ({', '.join(kinds)})")
+        if cache.get_seq_length() != length:
+            raise UnsupportedError("it does not keep what it has read")
         self._cache: Any = cache
         self._start = length + _shift(model)
+        self._in_one_row = all(
+            type(layer) is DynamicLayer and layer.get_seq_length() == length for layer in cache.layers
+        )
 
-    def suffix(self, prompt: Sequence[int]) -> Suffix | None:
-        """`Beginning.suffix`."""
-        return self._beginning.suffix(prompt)
+    def suffix(self, prompt: Sequence[int], question: str) -> Suffix | None:
+        """What is to be run for a prompt, given its tokens. None when it has to be asked alone."""
+        suffix = self._beginning.suffix(prompt, question)
+        if suffix is not None and not self._in_one_row and suffix.shared < self._beginning.length:
+            return None
+        return suffix
 
     def logits(self, suffixes: Sequence[Suffix]) -> Iterator[torch.Tensor]:
         """For each suffix, in order, the model's output after its last token: (V,) float32."""
-        for group in groups(suffixes):
-            yield from self._run(group)
+        if self._in_one_row:
+            for group in groups(suffixes, AT_ONCE):
+                yield from self._row(group)
+            return
+        longest = max((len(suffix.tokens) for suffix in suffixes), default=0)
+        rows = max(1, COPIED_AT_ONCE // (self._beginning.length + longest))
+        for start in range(0, len(suffixes), rows):
+            yield from self._rows(suffixes[start : start + rows])
 
-    def _run(self, group: Sequence[Suffix]) -> torch.Tensor:
+    def _row(self, group: Sequence[Suffix]) -> torch.Tensor:
+        """The outputs for suffixes that are laid end to end."""
         import torch
 
-        model, cache, begun = self._model, self._cache, self._beginning.length
-        device, dtype = model.device, model.dtype
+        begun, dtype = self._beginning.length, self._model.dtype
         lengths = torch.tensor([len(suffix.tokens) for suffix in group])
         shared = torch.tensor([suffix.shared for suffix in group])
         owner = torch.repeat_interleave(torch.arange(len(group)), lengths)
@@ -130,26 +153,53 @@ class Prefix:
         # Added to the scores rather than a boolean, which each layer would have to convert.
         mask = torch.zeros(len(owner), begun + len(owner), dtype=dtype)
         mask.masked_fill_(~torch.cat([seen, own], dim=1), torch.finfo(dtype).min)
+        tokens = torch.tensor([[token for suffix in group for token in suffix.tokens]])
         positions = self._start - (begun - shared)[owner] + offset
         try:
-            with torch.inference_mode():
-                output = model(
-                    input_ids=torch.tensor([[token for suffix in group for token in suffix.tokens]], device=device),
-                    attention_mask=mask[None, None].to(device),
-                    position_ids=positions[None].to(device),
-                    past_key_values=cache,
-                    use_cache=True,
-                    logits_to_keep=(ends - 1).to(device),
-                )
-                cache.crop(-len(owner))
+            logits = self._forward(self._cache, tokens, mask[None, None], positions[None], ends - 1)
+            self._cache.crop(-len(owner))
         except BaseException:
             self._cache = None  # some layers may have taken the questions in, and others not
             raise
-        logits: torch.Tensor = output.logits[0].float()
+        return logits[0]
+
+    def _rows(self, group: Sequence[Suffix]) -> torch.Tensor:
+        """The outputs for suffixes in rows of their own, filled up on the right: what comes after a question's last
+        token changes nothing before it."""
+        import torch
+
+        cache = copy.deepcopy(self._cache)
+        cache.reorder_cache(torch.zeros(len(group), dtype=torch.long, device=self._model.device))
+        lengths = torch.tensor([len(suffix.tokens) for suffix in group])
+        place = torch.arange(int(lengths.max()))
+        filled = place[None, :] < lengths[:, None]
+        tokens = torch.tensor([[*suffix.tokens, *[0] * (len(place) - len(suffix.tokens))] for suffix in group])
+        mask = torch.cat([torch.ones(len(group), self._beginning.length, dtype=torch.long), filled.long()], dim=1)
+        ends, which = torch.unique(lengths - 1, return_inverse=True)
+        positions = (self._start + place).expand(len(group), -1)
+        logits = self._forward(cache, tokens, mask, positions, ends)
+        return logits[torch.arange(len(group)), which]
+
+    def _forward(
+        self, cache: Any, tokens: torch.Tensor, mask: torch.Tensor, positions: torch.Tensor, keep: torch.Tensor
+    ) -> torch.Tensor:
+        import torch
+
+        device = self._model.device
+        with torch.inference_mode():
+            output = self._model(
+                input_ids=tokens.to(device),
+                attention_mask=mask.to(device),
+                position_ids=positions.to(device),
+                past_key_values=cache,
+                use_cache=True,
+                logits_to_keep=keep.to(device),
+            )
+        logits: torch.Tensor = output.logits.float()
         return logits
 
 
-def groups(suffixes: Sequence[Suffix], most: int = AT_ONCE) -> Iterator[Sequence[Suffix]]:
+def groups(suffixes: Sequence[Suffix], most: int) -> Iterator[Sequence[Suffix]]:
     """Consecutive suffixes of at most `most` tokens together, or a single one that is longer."""
     start, tokens = 0, 0
     for index, suffix in enumerate(suffixes):

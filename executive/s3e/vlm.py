@@ -144,7 +144,8 @@ class TransformersBackend:
 
     def _difference(self, shown: _Shown, prefix: Prefix, prompts: Sequence[str]) -> float:
         """The largest total variation between what both paths make of the next token."""
-        suffixes = [prefix.suffix(self._chat.tokens(prompt)) for prompt in prompts]
+        pairs = zip(prompts, PROBES, strict=True)
+        suffixes = [prefix.suffix(self._chat.tokens(prompt), probe) for prompt, probe in pairs]
         shared = prefix.logits([suffix for suffix in suffixes if suffix is not None])
         return max(
             0.5 * float((together.softmax(-1) - shown.alone(prompt).softmax(-1)).abs().sum())
@@ -176,7 +177,7 @@ class TransformersLook:
             for prompt, mark in zip(prompts, map(self._shown.chat.mark_in, questions), strict=True)
         ]
         waiting = [index for index, answer in enumerate(answers) if answer is None]
-        for index, logits in self._together(self._shown.chat, prompts, waiting):
+        for index, logits in self._together(self._shown.chat, prompts, questions, waiting):
             answers[index] = self._answer(prompts[index], logits)
         return [
             self._alone(self._shown, prompt) if answer is None else answer
@@ -196,12 +197,12 @@ class TransformersLook:
         self.close()
 
     def _together(
-        self, chat: Chat, prompts: Sequence[str], indices: Sequence[int]
+        self, chat: Chat, prompts: Sequence[str], questions: Sequence[str], indices: Sequence[int]
     ) -> Iterator[tuple[int, torch.Tensor]]:
         """The outputs after those of the prompts that can share the beginning."""
         if self._prefix is None:
             return
-        cut = ((index, self._prefix.suffix(chat.tokens(prompts[index]))) for index in indices)
+        cut = ((i, self._prefix.suffix(chat.tokens(prompts[i]), questions[i])) for i in indices)
         suffixes = {index: suffix for index, suffix in cut if suffix is not None}
         try:
             yield from zip(suffixes, self._prefix.logits(list(suffixes.values())), strict=True)

@@ -14,20 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.executive.s3e.tokenizer import answer_tokens, make_tokenizer
+
 FAMILIES = ("llava-onevision", "smolvlm", "qwen2.5-vl", "fastvlm")
-"""What `build` knows, by the names that people call them."""
+"""What `build` knows, by the names that people call them: models that keep keys and values of every token."""
 
-ANSWERS = ("yes", "no", "true", "false")
-
-_SENTENCES = (
-    "Is the milk carton on the wooden table?",
-    "Is the lemon on the black table? Is the soda can on the white table?",
-    "Is the robot gripper holding the bread loaf? Is the gripper of the robot empty?",
-    "Are the cereal box and the water bottle on the floor?",
-    "A curious human is asking an artificial intelligence assistant yes or no questions.",
-    "The assistant answers with one of three responses: YES or NO.",
-    "The assistant's response should not include any additional text.",
-)
+FORGETTING = ("gemma3", "qwen3.5")
+"""And models that do not, in some layers: a sliding window (shorter than any prompt here) and linear attention."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +50,7 @@ def build(
     template: str | None = None,
     begin: bool = False,
     splitting: bool = False,
+    answering: float = 4.0,
 ) -> Path:
     """Write a checkpoint of a family into `folder`, and return it.
 
@@ -65,18 +59,19 @@ def build(
         template: a chat template (Jinja) instead of the family's own; "" for none at all.
         begin: whether the tokenizer puts a token at the beginning of every text, as Llama's and Gemma's do.
         splitting: whether a picture is also taken in parts (SmolVLM alone).
+        answering: how much the model tends to answer rather than to say anything else; 16 leaves little else.
     """
     import torch
     from transformers.utils import logging as chatter
 
     maker = _MAKERS[family]
     folder.mkdir(parents=True, exist_ok=True)
-    tokenizer = _tokenizer(begin)
+    tokenizer = make_tokenizer(begin)
     made = maker(tokenizer, size, splitting)
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         model = made.model()
-        draw_weights(model, [tokenizer.convert_tokens_to_ids(token) for token in _answer_tokens()])
+        draw_weights(model, [tokenizer.convert_tokens_to_ids(token) for token in answer_tokens()], answering)
     chatter.disable_progress_bar()
     model.save_pretrained(folder)
     tokenizer.save_pretrained(folder)
@@ -88,7 +83,7 @@ def build(
     return folder
 
 
-def draw_weights(model: Any, answers: list[int]) -> None:
+def draw_weights(model: Any, answers: list[int], answering: float) -> None:
     """Random weights of about the size at which a signal keeps its own. Attention is drawn sharper, so that the last
     token does not see all of a long prompt alike, and the output rows of the answers' tokens larger, so that a good
     part of the probability goes to them."""
@@ -96,12 +91,14 @@ def draw_weights(model: Any, answers: list[int]) -> None:
 
     with torch.no_grad():
         for name, weight in model.named_parameters():
+            if "dt_bias" in name or "A_log" in name:
+                weight.fill_(-1.0)  # of linear attention: a memory of some ten tokens
             if weight.ndim < 2:
                 continue
             gain = 2.0 if "q_proj" in name or "k_proj" in name else 1.0
             fan_in = 1 if "embed" in name else math.prod(weight.shape[1:])
             weight.normal_(0.0, gain / math.sqrt(fan_in))
-        model.get_output_embeddings().weight[answers] *= 4.0
+        model.get_output_embeddings().weight[answers] *= answering
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,12 +163,6 @@ def _smolvlm(tokenizer: Any, size: Size, splitting: bool) -> _Made:
 def _qwen(tokenizer: Any, size: Size, splitting: bool) -> _Made:
     from transformers import Qwen2_5_VLConfig, Qwen2_5_VLForConditionalGeneration, Qwen2VLImageProcessorPil
 
-    marks = {
-        "image_token_id": "<image>",
-        "video_token_id": "<video>",
-        "vision_start_token_id": "<|vision_start|>",
-        "vision_end_token_id": "<|vision_end|>",
-    }
     sections = size.width // size.heads // 2
     config = Qwen2_5_VLConfig(
         vision_config={
@@ -192,7 +183,7 @@ def _qwen(tokenizer: Any, size: Size, splitting: bool) -> _Made:
                 "mrope_section": [sections - 2 * (sections // 3), sections // 3, sections // 3],
             },
         },
-        **{key: tokenizer.convert_tokens_to_ids(mark) for key, mark in marks.items()},
+        **_marks(tokenizer),
     )
     pixels = size.picture**2
     prepare = Qwen2VLImageProcessorPil(
@@ -237,12 +228,101 @@ def _fastvlm(tokenizer: Any, size: Size, splitting: bool) -> _Made:
     )
 
 
+def _gemma(tokenizer: Any, size: Size, splitting: bool) -> _Made:
+    from transformers import Gemma3Config, Gemma3ForConditionalGeneration, Gemma3ImageProcessorPil
+
+    side = size.picture
+    config = Gemma3Config(
+        vision_config={
+            "model_type": "siglip_vision_model",
+            **_vision(size),
+            "image_size": side,
+            "patch_size": size.patch,
+            "vision_use_head": False,
+        },
+        text_config={
+            **_language(tokenizer, size),
+            "head_dim": size.width // size.heads,
+            "query_pre_attn_scalar": size.width // size.heads,
+            "sliding_window": 24,
+            "layer_types": ["sliding_attention", "full_attention"] * size.layers,
+            "num_hidden_layers": 2 * size.layers,
+        },
+        mm_tokens_per_image=4,
+        boi_token_index=tokenizer.convert_tokens_to_ids("<|vision_start|>"),
+        eoi_token_index=tokenizer.convert_tokens_to_ids("<|vision_end|>"),
+        image_token_index=tokenizer.convert_tokens_to_ids("<image>"),
+        tie_word_embeddings=False,
+    )
+    return _Made(
+        lambda: Gemma3ForConditionalGeneration(config),
+        Gemma3ImageProcessorPil(size={"height": side, "width": side}),
+        {"processor_class": "Gemma3Processor", "image_seq_length": 4},
+        "<|vision_start|>",
+    )
+
+
+def _qwen_linear(tokenizer: Any, size: Size, splitting: bool) -> _Made:
+    from transformers import Qwen2VLImageProcessorPil, Qwen3_5Config, Qwen3_5ForConditionalGeneration
+
+    head, pixels = size.width // size.heads, size.picture**2
+    sections = head // 2
+    config = Qwen3_5Config(
+        vision_config={
+            "depth": size.vision_layers,
+            "hidden_size": size.vision_width,
+            "intermediate_size": 2 * size.vision_width,
+            "num_heads": size.vision_heads,
+            "patch_size": size.patch,
+            "out_hidden_size": size.width,
+            "num_position_embeddings": 16,
+        },
+        text_config={
+            **_language(tokenizer, size),
+            "head_dim": head,
+            "num_hidden_layers": 4,
+            "layer_types": ["linear_attention", "linear_attention", "linear_attention", "full_attention"],
+            "linear_key_head_dim": head,
+            "linear_value_head_dim": head,
+            "linear_num_key_heads": size.heads // 2,
+            "linear_num_value_heads": size.heads,
+            "rope_parameters": {
+                "rope_type": "default",
+                "rope_theta": 10_000.0,
+                "partial_rotary_factor": 1.0,
+                "mrope_section": [sections - 2 * (sections // 3), sections // 3, sections // 3],
+            },
+        },
+        **_marks(tokenizer),
+    )
+    prepare = Qwen2VLImageProcessorPil(
+        patch_size=size.patch, merge_size=2, size={"shortest_edge": pixels // 4, "longest_edge": 2 * pixels}
+    )
+    picture = "<|vision_start|><image><|vision_end|>"
+    return _Made(
+        lambda: Qwen3_5ForConditionalGeneration(config), prepare, {"processor_class": "Qwen3VLProcessor"}, picture
+    )
+
+
 _MAKERS: dict[str, Callable[[Any, Size, bool], _Made]] = {
     "llava-onevision": _llava_onevision,
     "smolvlm": _smolvlm,
     "qwen2.5-vl": _qwen,
     "fastvlm": _fastvlm,
+    "gemma3": _gemma,
+    "qwen3.5": _qwen_linear,
 }
+
+
+def _marks(tokenizer: Any) -> dict[str, int]:
+    """What Qwen's configs call the tokens around and of a picture."""
+    marks = {
+        "image_token_id": "<image>",
+        "video_token_id": "<video>",
+        "vision_start_token_id": "<|vision_start|>",
+        "vision_end_token_id": "<|vision_end|>",
+    }
+    return {key: int(tokenizer.convert_tokens_to_ids(mark)) for key, mark in marks.items()}
 
 
 def _vision(size: Size) -> dict[str, Any]:
@@ -268,63 +348,6 @@ def _language(tokenizer: Any, size: Size) -> dict[str, Any]:
         "pad_token_id": tokenizer.convert_tokens_to_ids("<|endoftext|>"),
         "tie_word_embeddings": False,
     }
-
-
-_SPECIAL = (
-    "<|endoftext|>",
-    "<|im_start|>",
-    "<|im_end|>",
-    "<image>",
-    "<video>",
-    "<|vision_start|>",
-    "<|vision_end|>",
-    "<fake_token_around_image>",
-    "<global-img>",
-    *(f"<row_{row}_col_{column}>" for row in range(1, 4) for column in range(1, 4)),
-)
-
-
-def _tokenizer(begin: bool) -> Any:
-    """A byte-level BPE tokenizer (as of GPT-2, Qwen, SmolVLM), trained on a few sentences, for which every surface
-    form of an answer is a token of its own."""
-    from tokenizers import Tokenizer, decoders, models, pre_tokenizers, processors, trainers
-    from transformers import PreTrainedTokenizerFast
-
-    inner = Tokenizer(models.BPE())
-    inner.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
-    inner.decoder = decoders.ByteLevel()
-    trainer = trainers.BpeTrainer(
-        vocab_size=700,
-        special_tokens=list(_SPECIAL),
-        initial_alphabet=pre_tokenizers.ByteLevel.alphabet(),
-        show_progress=False,
-    )
-    words = [form for word in ANSWERS for form in (word, word.capitalize(), word.upper())]
-    inner.train_from_iterator([*_SENTENCES, *[space + word for word in words for space in ("", " ")] * 20], trainer)
-    if begin:
-        begins = inner.token_to_id("<|endoftext|>")
-        inner.post_processor = processors.TemplateProcessing(
-            single="<|endoftext|> $A", special_tokens=[("<|endoftext|>", begins)]
-        )
-    return PreTrainedTokenizerFast(
-        tokenizer_object=inner,
-        bos_token="<|endoftext|>" if begin else None,
-        eos_token="<|im_end|>",
-        pad_token="<|endoftext|>",
-        padding_side="left",
-        extra_special_tokens={
-            "image_token": "<image>",
-            "video_token": "<video>",
-            "fake_image_token": "<fake_token_around_image>",
-            "global_image_token": "<global-img>",
-            "end_of_utterance_token": "<|im_end|>",
-        },
-    )
-
-
-def _answer_tokens() -> list[str]:
-    forms = [form for word in ANSWERS for form in (word, word.capitalize(), word.upper())]
-    return [space + form for form in forms for space in ("", "\u0120")]  # as byte-level BPE writes a space
 
 
 def _template(picture: str) -> str:

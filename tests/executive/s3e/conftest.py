@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from executive.s3e.vlm import TransformersBackend
 from tests.executive.s3e.checkpoints import build
+from tests.executive.s3e.looking import Pick
 
 
 @pytest.fixture(scope="session")
@@ -31,3 +34,14 @@ def one_thread() -> Iterator[None]:
     torch.set_num_threads(1)
     yield
     torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="session")
+def backend(checkpoint: Callable[[str], Path]) -> Pick:
+    """A backend of a family, loaded once for each way of asking."""
+
+    @cache
+    def loaded(family: str, path: Any = "auto", dtype: str = "auto") -> TransformersBackend:
+        return TransformersBackend(checkpoint(family), path=path, dtype=dtype)
+
+    return loaded

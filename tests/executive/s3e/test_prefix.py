@@ -27,7 +27,7 @@ def test_prefix_and_suffix_are_the_whole_prompt(
     prompts = [[*head, *question, 5] for question in (one, another)]
     prompt = [*head, *asked, 5]
     beginning = Beginning.between(prompts[0], prompts[1], taken(prompts[0], each))
-    suffix = beginning.suffix(prompt)
+    suffix = beginning.suffix(prompt, "")
     assert suffix is not None
     whole = taken(prompt, each)
     assert [*taken(prompts[0], each)[: suffix.shared], *suffix.tokens] == whole
@@ -41,17 +41,26 @@ def test_a_prompt_with_another_beginning_has_no_suffix(
 ) -> None:
     one, another = [7, *before, PICTURE, 8, *question, 5], [7, *before, PICTURE, 8, 9, *question, 5]
     beginning = Beginning.between(one, another, taken(one, each))
-    assert beginning.suffix([8, *before, PICTURE, 8, *asked, 5]) is None
-    assert beginning.suffix([7, *before, 8, *asked, 5]) is None
+    assert beginning.suffix([8, *before, PICTURE, 8, *asked, 5], "Is it?") is None
+    assert beginning.suffix([7, *before, 8, *asked, 5], "Is it?") is None
 
 
 def test_a_question_that_changes_the_end_of_the_beginning_shares_less() -> None:
     """A newline (6) before the question, joined with the one that the question starts with (66)."""
     beginning = Beginning.between([1, PICTURE, 2, 6, 3, 5], [1, PICTURE, 2, 6, 4, 5], [1, *[PICTURE] * 9, 2, 6, 3, 5])
-    assert beginning == Beginning((1, PICTURE, 2, 6), 12, 2)
-    assert beginning.suffix([1, PICTURE, 2, 6, 4, 5]) == Suffix(12, (4, 5))
-    assert beginning.suffix([1, PICTURE, 2, 66, 4, 5]) == Suffix(11, (66, 4, 5))
-    assert beginning.suffix([1, PICTURE, 22, 4, 5]) == Suffix(10, (22, 4, 5))
+    assert beginning == Beginning((1, PICTURE, 2, 6), 12, 2, True)
+    assert beginning.suffix([1, PICTURE, 2, 6, 4, 5], "Is it?") == Suffix(12, (4, 5))
+    assert beginning.suffix([1, PICTURE, 2, 66, 4, 5], "Is it?") == Suffix(11, (66, 4, 5))
+    assert beginning.suffix([1, PICTURE, 22, 4, 5], "Is it?") == Suffix(10, (22, 4, 5))
+
+
+def test_what_the_processor_put_before_a_question_may_join_with_it() -> None:
+    """Newlines (6) after a picture that are not in the text, as Gemma's processor writes them."""
+    beginning = Beginning.between([1, PICTURE, 3, 5], [1, PICTURE, 4, 5], [1, *[PICTURE] * 9, 2, 6, 3, 5])
+    assert beginning == Beginning((1, PICTURE), 12, 2, False)
+    assert beginning.suffix([1, PICTURE, 4, 5], "Is it?") == Suffix(12, (4, 5))
+    assert beginning.suffix([1, PICTURE, 6, 4, 5], "\nIs it?") is None
+    assert beginning.suffix([1, PICTURE, 5], "") is None
 
 
 def test_prompts_that_part_before_the_last_picture_share_nothing() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from executive.errors import InputError
 from executive.s3e.backend import TRUE_FALSE, YES_NO, AnswerWords
 from executive.s3e.vocabulary import answer_tokens
-from tests.executive.s3e import checkpoints
+from tests.executive.s3e.tokenizer import make_tokenizer
 
 MANY = 10_000
 
@@ -62,7 +62,7 @@ def texts(tokenizer: Any, tokens: tuple[int, ...]) -> set[str]:
 
 
 def test_every_surface_form_that_is_one_token_counts() -> None:
-    tokenizer = checkpoints._tokenizer(begin=False)
+    tokenizer = make_tokenizer()
     tokens = answer_tokens(tokenizer, YES_NO, MANY)
     assert {tokenizer.decode([token]) for token in tokens.affirmative} == set(YES_NO.forms()[0])
     assert {tokenizer.decode([token]) for token in tokens.negative} == set(YES_NO.forms()[1])
