@@ -168,15 +168,17 @@ class Templates:
         return "".join(filled).strip()
 
     def _warnings(self, task: Task) -> tuple[str, ...]:
-        """Names of objects that look like slips. Another problem of the domain may have what this one has not."""
+        """What is not asked about, and names of objects that look like slips: those that this problem does not have
+        are right in another one of the domain, unless they are nearly those of one that it has."""
         unnamed = [name for name in task.objects if name not in self.objects]
         slips = ((name, get_close_matches(name, unnamed, 1, 0.85)) for name in self.objects if name not in task.objects)
         where = self.file or "questions"
-        return tuple(
+        hints = (
             f"{where}: objects.{name}: the problem has no such object; did you mean {close[0]!r}?"
             for name, close in slips
             if close
         )
+        return (*hints, *_passed_over(task))
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +194,8 @@ class Untranslated:
     def translate(self, task: Task) -> Questions:
         system = prompts.no_translation(self.domain, task.objects)
         words = (TRUE_FALSE.affirmative, TRUE_FALSE.negative)
-        return Questions({atom: prompts.query(atom) for atom in task.atoms}, system, "none", words)
+        text = {atom: prompts.query(atom) for atom in task.atoms}
+        return Questions(text, system, "none", words, _passed_over(task))
 
 
 def generic(task: Task) -> Templates:
@@ -238,6 +241,11 @@ def instruct(questions: Questions, instructions: str) -> Questions:
 def plain(name: str) -> str:
     """A PDDL name in plain words: `soda-can` is a soda can."""
     return " ".join(name.replace("-", " ").replace("_", " ").split())
+
+
+def _passed_over(task: Task) -> tuple[str, ...]:
+    """What a domain has that is not estimated."""
+    return tuple(f"{name}: a numeric fluent, which is not estimated" for name in task.numeric)
 
 
 def _distinct(names: Iterable[str]) -> dict[str, str]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -222,3 +224,13 @@ def test_a_mistake_in_instructions_is_named(tmp_path: Path, content: bytes | Non
         file.write_bytes(content)
     with pytest.raises(DomainError, match=words):
         load_instructions(file)
+
+
+@pytest.mark.parametrize("translate", [lambda task: generic(task).translate(task), Untranslated("").translate])
+def test_numeric_fluents_are_named_as_not_estimated(tray: Task, translate: Callable[[Task], Questions]) -> None:
+    questions = translate(replace(tray, numeric=("weight", "total-cost")))
+    assert questions.warnings == (
+        "weight: a numeric fluent, which is not estimated",
+        "total-cost: a numeric fluent, which is not estimated",
+    )
+    assert questions.text.keys() == set(tray.atoms)

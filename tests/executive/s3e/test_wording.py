@@ -107,6 +107,10 @@ def test_whatever_a_model_says_is_judged(text: str, atom: Atom) -> None:
     assert said == "" or said.isprintable()
 
 
+def test_what_a_model_thought_aloud_is_no_part_of_its_reply() -> None:
+    assert tidy('<think>\nIs it a lemon?\nNo.</think>\n\n"Is it a cup?"') == "Is it a cup?"
+
+
 @given(st.text(alphabet="ab \"'`?"))
 def test_tidying_takes_nothing_but_what_is_around_a_reply(text: str) -> None:
     assert tidy(text) in text
