@@ -115,9 +115,12 @@ def headless_viewer(size: tuple[int, int]) -> Iterator[ViewerClient]:
     command = viewer_command("--headless", "--port", str(port), "--window-size", window, "--hide-welcome-screen")
     # What is logged is shown as a notification, in the picture.
     # CI keeps the viewer from reporting its use to its makers.
-    defaults = {"CI": "true", "XDG_RUNTIME_DIR": tempfile.gettempdir()}
-    environment = {**defaults, **os.environ, "RUST_LOG": "error", **vulkan()}
-    with started(command, environment) as (process, output):
+    with contextlib.ExitStack() as stack:
+        # A killed viewer leaves its temporary folders behind; here they go with the folder that they are in.
+        own = stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
+        defaults = {"CI": "true", "XDG_RUNTIME_DIR": own}
+        environment = {**defaults, **os.environ, "RUST_LOG": "error", "TMPDIR": own, **vulkan()}
+        process, output = stack.enter_context(started(command, environment))
         try:
             yield _connected(process, port)
         except (ConnectionError, TimeoutError, RuntimeError) as error:
