@@ -78,6 +78,25 @@ def test_templates_that_want_other_messages(tmp_path: Path, template: str, promp
     assert apart([answer], alone.look(pictures(1), "SYS").ask(["Q?"])) < 1e-5
 
 
+@pytest.mark.parametrize("family", ["qwen2.5-vl", "gemma3"])
+def test_a_question_that_joins_with_what_is_before_it(tmp_path: Path, family: str) -> None:
+    """Newlines before a question, cut in another way when it begins with one: three are two and one, two are one and
+    one. One row shares so much less; rows of their own cannot."""
+    picture = "<|vision_start|>" + ("<image><|vision_end|>" if family != "gemma3" else "")
+    template = "{% for message in messages %}" + USER.replace("<image>", picture) + "\n{% endfor %}A:"
+    template = template.replace("{{ part['text']", "{{ '\n\n' + part['text']")
+    folder = build(family, tmp_path, template=template)
+    shared, alone = TransformersBackend(folder), TransformersBackend(folder, path="one by one")
+    look = shared.look(pictures(1), SYSTEM)
+    assert look.path == "shared"
+    assert apart(look.ask(QUESTIONS), alone.look(pictures(1), SYSTEM).ask(QUESTIONS)) < 1e-5
+    kept = look._prefix
+    assert kept is not None
+    suffixes = [kept.suffix(shared._chat.tokens(shared._chat.render(SYSTEM, 1, q)), q) for q in ("Is it?", "\nIs it?")]
+    length = kept._beginning.length
+    assert [suffix and suffix.shared for suffix in suffixes] == [length, length - 2 if family != "gemma3" else None]
+
+
 @pytest.mark.parametrize("written", [True, False], ids=["by the template, too", "by the tokenizer alone"])
 def test_a_text_begins_once(tmp_path: Path, written: bool) -> None:
     template = ("<|endoftext|>" if written else "") + "{% for message in messages %}" + USER + "\n{% endfor %}A:"
