@@ -64,3 +64,16 @@ def test_every_object_is_listed_once_under_its_type(objects: dict[str, str]) -> 
 )
 def test_instructions_go_to_the_end(instructions: str, tail: str) -> None:
     assert prompts.instructed(prompts.QUESTION_ANSWERING, instructions) == prompts.QUESTION_ANSWERING + tail
+
+
+def test_the_example_of_instructions_is_the_papers() -> None:
+    """Appendix E.3: an introduction, then of each of three items how it looks and how it looks when held."""
+    introduction, *items = prompts.GROCERY_INSTRUCTIONS.split("\n")
+    assert introduction == (
+        "The user will show you images of a simulated robot and ask questions about the state of the environment."
+    )
+    assert [line.startswith("When the robot is ") for line in items] == [False, True] * 3
+    for item, lines in zip(
+        ("milk carton", "red can of soda", "loaf of bread"), zip(*[iter(items)] * 2, strict=True), strict=True
+    ):
+        assert all(item in line for line in lines)
