@@ -273,6 +273,21 @@ def test_when_sharing_fails_on_the_way_the_rest_is_asked_one_by_one(
     assert apart(look.ask(QUESTIONS), expected) < 1e-5
 
 
+def test_a_look_s_own_trouble_is_its_own(
+    fresh: Callable[[str], TransformersBackend], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Sharing has worked; then a look runs out of memory, and the next one does not."""
+    model = fresh("fastvlm")
+    expected = model.look(pictures(1), SYSTEM).ask(QUESTIONS)
+    with monkeypatch.context() as broken:
+        nothing_is_kept(broken)
+        look = model.look(pictures(1), SYSTEM)
+    assert look.path == "one by one"
+    assert "sharing failed" in caplog.text
+    assert apart(look.ask(QUESTIONS), expected) < 1e-5
+    assert model.look(pictures(1), SYSTEM).path == "shared"
+
+
 def test_an_output_that_is_no_number_is_no_answer(
     checkpoint: Callable[[str], Path], caplog: pytest.LogCaptureFixture
 ) -> None:
