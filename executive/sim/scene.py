@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from executive.sim import assets
-from executive.sim.spec import CameraSpec, ItemSpec, SceneSpec, TableSpec
+from executive.sim.spec import TEXTURES, CameraSpec, ItemSpec, SceneSpec, TableSpec
 from executive.types import FloatArray
 
 JOINTS = (
@@ -71,6 +71,13 @@ class ItemShape:
         along = abs(float(direction[self.axis]))
         radius = float(np.delete(self.half, self.axis).max())
         return along * float(self.half[self.axis]) + radius * math.sqrt(max(0.0, 1.0 - along * along))
+
+    def distance(self, pose: FloatArray, point: FloatArray) -> float:
+        """How far in m a `point` (3,) is from the box of an item at `pose` (7,), both in the world frame; 0 inside."""
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, pose[3:])
+        local = (point - pose[:3]) @ rotation.reshape(3, 3) - self.centre
+        return float(np.linalg.norm(np.maximum(np.abs(local) - self.half, 0.0)))
 
 
 def build(spec: SceneSpec, *, visuals: bool = True) -> mujoco.MjSpec:
@@ -140,10 +147,11 @@ def _robot(scene: mujoco.MjSpec, spec: SceneSpec) -> None:
     mount = scene.worldbody.add_frame(pos=[x, y, z], quat=[math.cos(half), 0.0, 0.0, math.sin(half)])
     scene.attach(arm, prefix="", suffix="", frame=mount)
     # A plain column rather than robosuite's pedestal, which is wider than the space between robot and tables.
-    scene.worldbody.add_geom(
-        name="pedestal", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.09, 0.5 * z - 0.001, 0],
-        pos=[x, y, 0.5 * z - 0.001], rgba=[0.25, 0.26, 0.28, 1], group=ITEM,
-    )  # fmt: skip
+    if z > 0.01:
+        scene.worldbody.add_geom(
+            name="pedestal", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.09, 0.5 * z - 0.001, 0],
+            pos=[x, y, 0.5 * z - 0.001], rgba=[0.25, 0.26, 0.28, 1], group=ITEM,
+        )  # fmt: skip
     # MuJoCo leaves out contacts between parent and child, but not where the parent is fixed to the world.
     scene.add_exclude(bodyname1="fixed_base_link", bodyname2="shoulder_link")
     for site in scene.sites:
@@ -230,21 +238,20 @@ def _table(scene: mujoco.MjSpec, table: TableSpec, visuals: bool) -> None:
         scene.add_texture(
             name=f"{table.name}/texture",
             type=mujoco.mjtTexture.mjTEXTURE_2D,
-            file=assets.texture(TEXTURE_FILES[table.texture]),
+            file=assets.texture(TEXTURES[table.texture]),
         )
         material = scene.add_material(name=f"{table.name}/material", texuniform=True, texrepeat=[2, 2], specular=0.1)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = f"{table.name}/texture"
         plate.material = f"{table.name}/material"
     leg = 0.5 * (top - table.size[2])
+    if leg < 0.005:  # a block that stands on the floor
+        return
     for side_x in (-1, 1):
         for side_y in (-1, 1):
             body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.015, leg, 0], group=VISUAL, contype=0, conaffinity=0,
                 pos=[side_x * (half[0] - 0.03), side_y * (half[1] - 0.03), -half[2] - leg], rgba=[0.35, 0.36, 0.38, 1],
             )  # fmt: skip
-
-
-TEXTURE_FILES = {"wood": "light-wood.png", "dark-wood": "dark-wood.png", "ceramic": "ceramic.png"}
 
 
 def _item(scene: mujoco.MjSpec, item: ItemSpec) -> None:

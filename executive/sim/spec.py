@@ -6,6 +6,7 @@ Lengths are in m, angles in rad unless a key says degrees, positions in the worl
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -42,6 +43,12 @@ class RobotSpec(_Strict):
     speed: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Share of the arm's rated joint velocities and accelerations that is used."""
 
+    @model_validator(mode="after")
+    def _near_before_far(self) -> Self:
+        if self.reach[0] >= self.reach[1]:
+            raise ValueError("'reach' is [nearest, farthest], the first below the second")
+        return self
+
 
 class TableSpec(_Strict):
     """A box whose top face, at `centre`, carries items. `size` is the full extent along its own x, y and z."""
@@ -75,6 +82,10 @@ class ItemSpec(_Strict):
             raise ValueError(f"no asset {self.asset!r}; {nearest(self.asset, ASSETS)}")
         if self.shape is not None and (self.size is None or min(self.size) <= 0):
             raise ValueError("a 'shape' needs 'size' = [x, y, z], each above 0")
+        if self.shape is not None and "scale" in self.model_fields_set:
+            raise ValueError("'scale' is for an 'asset'; a 'shape' has its 'size'")
+        if self.asset is not None and self.size is not None:
+            raise ValueError("'size' is for a 'shape'; an 'asset' has its 'scale'")
         return self
 
 
@@ -87,6 +98,12 @@ class CameraSpec(_Strict):
     fovy_degrees: Annotated[float, Field(gt=1, lt=150)] = 45.0
     width: Annotated[int, Field(ge=16, le=4096)] = 384
     height: Annotated[int, Field(ge=16, le=4096)] = 384
+
+    @model_validator(mode="after")
+    def _looks_somewhere(self) -> Self:
+        if math.dist(self.position, self.target) < 1e-6:
+            raise ValueError("'position' and 'target' are the same point: the camera looks nowhere")
+        return self
 
 
 class PlacementSpec(_Strict):
@@ -160,7 +177,9 @@ def read_scene(file: Path) -> SceneSpec:
 def _explained(error: ValidationError, file: Path) -> DomainError:
     """The first of pydantic's complaints as one line with the key it is about."""
     first = error.errors()[0]
-    *_, last = path = [str(part) for part in first["loc"]] or ["(whole file)"]
+    # Where a value may be of two kinds, pydantic appends the name of the kind that it tried last.
+    path = [str(part) for part in first["loc"] if not str(part).startswith(("tuple[", "constrained-"))]
+    *_, last = path = path or ["(whole file)"]
     key = "".join(f"[{part}]" if part.isdigit() else f".{part}" for part in path).lstrip(".")
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":

@@ -5,16 +5,17 @@ from __future__ import annotations
 import heapq
 import io
 import itertools
-import os
 import weakref
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from executive.errors import InputError, MissingError, nearest
+from executive.errors import DomainError, InputError, nearest
 from executive.sim import placement, scene, scenery
+from executive.sim.drawing import Drawing
 from executive.sim.handle import ArmLimits, Handle
 from executive.sim.spec import SceneSpec, read_scene
 from executive.types import FloatArray, Frame, Image, Observation, Scenery
@@ -46,7 +47,7 @@ class MujocoWorld:
         home_pose: whether skills end at the home pose.
 
     Raises:
-        DomainError: the scene file is wrong, or an object has no body.
+        DomainError: the scene file is wrong, an object has no body, or the items find no place.
         MissingError: robosuite or an off-screen OpenGL is missing.
     """
 
@@ -60,7 +61,7 @@ class MujocoWorld:
         home_pose: bool = True,
     ) -> None:
         self.spec: SceneSpec = read_scene(file).restricted_to(objects, file)
-        self.model = scene.build(self.spec).compile()
+        self.model = _compiled(self.spec, file)
         self.data = mujoco.MjData(self.model)
         self.shapes = scene.item_shapes(self.model, self.spec)
         self._placement_rng, self._noise_rng = (
@@ -74,7 +75,7 @@ class MujocoWorld:
         self._listener: Callable[[Frame], None] | None = None
         self._next_frame = 0.0
         self._observations = itertools.count()
-        self._renderer: mujoco.Renderer | None = None
+        self.drawing = Drawing(self.model)
         self._steps = max(1, round(CONTROL_PERIOD / self.spec.timestep))
         self._arm = np.array([self.model.joint(name).qposadr[0] for name in scene.JOINTS])
         self._servo = np.array([self.model.actuator(name).id for name in scene.JOINTS])
@@ -83,11 +84,12 @@ class MujocoWorld:
         self._finger_joints = np.array([self.model.joint(name).qposadr[0] for name in scene.FINGER_JOINTS])
         self._pads = [self.model.geom(name).id for name in scene.PADS]
         self._items = {item.name: self.model.joint(f"{item.name}/free").qposadr[0] for item in self.spec.items}
+        limits = self._limits(file)
         self._reset(dict(placed or {}), file)
         spec = self.spec
         # The handle refers back weakly: a world holds a hundred megabytes, which go when its owner lets go of it.
         self.handle = Handle(
-            limits=self._limits(),
+            limits=limits,
             tables={table.name: table for table in self.spec.tables},
             shapes=self.shapes,
             planning_spec=lambda: scene.build(spec, visuals=False),
@@ -108,14 +110,8 @@ class MujocoWorld:
 
     def render(self, camera: str) -> Image:
         """One camera's picture, (H, W, 3) uint8."""
-        size = next(spec for spec in self.spec.cameras if spec.name == camera)
-        renderer = self._rendering(size.height, size.width)
-        options = mujoco.MjvOption()
-        options.geomgroup[:] = 0
-        options.geomgroup[scene.VISUAL] = options.geomgroup[scene.ITEM] = 1
         mujoco.mj_forward(self.model, self.data)
-        renderer.update_scene(self.data, camera, options)
-        return np.array(renderer.render())
+        return self.drawing.picture(self.data, next(spec for spec in self.spec.cameras if spec.name == camera))
 
     def snapshot(self) -> bytes:
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
@@ -125,6 +121,7 @@ class MujocoWorld:
         np.savez(
             buffer,
             state=state,
+            closed=self._closed,
             misplaced=misplaced,
             forced_open_until=self._forced_open_until,
             rng=np.frombuffer(
@@ -143,12 +140,12 @@ class MujocoWorld:
 
         try:
             with np.load(io.BytesIO(snapshot), allow_pickle=False) as saved:
-                state, misplaced = saved["state"], saved["misplaced"]
+                state, misplaced, closed = saved["state"], saved["misplaced"], float(saved["closed"])
                 forced, generators = (
                     float(saved["forced_open_until"]),
                     ast.literal_eval(saved["rng"].tobytes().decode()),
                 )
-        except (ValueError, KeyError, OSError, SyntaxError, EOFError) as error:
+        except (ValueError, KeyError, OSError, SyntaxError, EOFError, zipfile.BadZipFile) as error:
             raise InputError(f"not a snapshot of a world: {error}") from error
         if state.shape != (mujoco.mj_stateSize(self.model, _STATE),):
             raise InputError("the snapshot is of another scene: its state has another size")
@@ -157,7 +154,7 @@ class MujocoWorld:
         for generator, saved_state in zip((self._placement_rng, self._noise_rng), generators, strict=True):
             generator.bit_generator.state = saved_state
         self._misplaced = None if np.isnan(misplaced).any() else misplaced
-        self._forced_open_until = forced
+        self._forced_open_until, self._closed = forced, closed
         self._scheduled.clear()
         self._next_frame = self.time
 
@@ -236,33 +233,32 @@ class MujocoWorld:
 
     def settle(self, seconds: float) -> None:
         """Let time pass with the arm held where it is commanded to be."""
-        for _ in range(max(1, round(seconds / CONTROL_PERIOD))):
+        period = self._steps * self.model.opt.timestep
+        for _ in range(max(1, round(seconds / period))):
             self.advance()
 
     def close(self) -> None:
-        """Free the off-screen renderer, the model and its state; nothing can be done with the world afterwards.
+        """Free the off-screen renderers, the model and its state; nothing can be done with the world afterwards.
 
         They are let go of by hand, because a hundred megabytes should not wait for the garbage collector to find the
         cycles of whoever used them.
         """
         self._listener = None
         self._scheduled.clear()
-        self._free_renderer()
         if hasattr(self, "model"):
-            del self.model, self.data
-
-    def _free_renderer(self) -> None:
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+            self.drawing.close()
+            del self.model, self.data, self.drawing
 
     def _pose(self, item: str) -> FloatArray:
         start = self._items[item]
         return np.array(self.data.qpos[start : start + 7])
 
-    def _limits(self) -> ArmLimits:
+    def _limits(self, file: Path) -> ArmLimits:
         ranges = np.array([self.model.joint(name).range for name in scene.JOINTS])
         home = np.asarray(self.spec.robot.home, dtype=float)
+        outside = [name for name, q, (low, high) in zip(scene.JOINTS, home, ranges, strict=True) if not low < q < high]
+        if outside:
+            raise DomainError(f"{outside[0]} does not turn that far", file=file, key="robot.home")
         # Within half a turn of home: the arm never winds itself up, and every pose has one name.
         speed = self.spec.robot.speed
         return ArmLimits(
@@ -282,13 +278,16 @@ class MujocoWorld:
             self.command(home, np.zeros(6))
             poses = placement.draw(self.spec, self.shapes, placed, self._placement_rng, file)
             for item, pose in poses.items():
-                self.data.qpos[self._items[item] : self._items[item] + 7] = pose
+                self._put(item, pose)
             mujoco.mj_forward(self.model, self.data)
+            if touched := self._touched_by_arm() - self._items.keys():
+                raise DomainError(f"there the arm touches {min(touched)}", file=file, key="robot.home")
             self.settle(0.6)
             if all(self._stayed(item, pose) for item, pose in poses.items()):
                 self.data.time = 0.0
                 return
-        raise InputError("no item placement came to rest upright in 20 draws; give [placement] more room", file=file)
+        raise DomainError("in 20 draws the items never came to rest upright: give them more room", file=file,
+                          key="placement")  # fmt: skip
 
     def _stayed(self, item: str, pose: FloatArray) -> bool:
         now = self._pose(item)
@@ -303,40 +302,59 @@ class MujocoWorld:
             item = loose[int(rng.integers(len(loose)))]
         if item is None or item == gripped:
             return "nothing was shoved: the robot holds it"
-        others = {name: pose for name, pose in self.obstacles().items() if name != item}
-        found = placement.free_spot(self.spec, self.shapes, item, others, rng)
-        if found is None:
-            return f"{item} was to be moved, but no table has room"
-        table, pose = found
-        self.data.qpos[self._items[item] : self._items[item] + 7] = pose
-        dof = self.model.joint(f"{item}/free").dofadr[0]
-        self.data.qvel[dof : dof + 6] = 0.0
+        before, others = self._pose(item), {name: pose for name, pose in self.obstacles().items() if name != item}
+        for _ in range(20):
+            found = placement.free_spot(self.spec, self.shapes, item, others, rng)
+            if found is None:
+                break
+            table, pose = found
+            self._put(item, pose)
+            if self._untouched(item, table):
+                dof = self.model.joint(f"{item}/free").dofadr[0]
+                self.data.qvel[dof : dof + 6] = 0.0
+                mujoco.mj_forward(self.model, self.data)
+                self.settle(0.3)
+                return f"someone moved {item} to {table}"
+        self._put(item, before)
         mujoco.mj_forward(self.model, self.data)
-        self.settle(0.3)
-        return f"someone moved {item} to {table}"
+        return f"{item} was to be moved, but no table has room"
+
+    def _touched_by_arm(self) -> set[str]:
+        """What the arm or the hand touches, itself left out: bodies by the name of their root."""
+        arm, roots = self.model.body("shoulder_link").rootid[0], self.model.body_rootid
+        pairs = ({int(roots[self.model.geom_bodyid[geom]]) for geom in contact.geom}
+                 for contact in self.data.contact[: self.data.ncon])  # fmt: skip
+        return {self.model.body(body).name for pair in pairs if arm in pair for body in pair - {arm}}
+
+    def _put(self, item: str, pose: FloatArray) -> None:
+        self.data.qpos[self._items[item] : self._items[item] + 7] = pose
+
+    def _untouched(self, item: str, table: str) -> bool:
+        """Whether an item that was just put somewhere touches nothing but its table: the arm may stand there."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_collision(self.model, self.data)
+        roots = ({int(self.model.body_rootid[self.model.geom_bodyid[geom]]) for geom in contact.geom}
+                 for contact in self.data.contact[: self.data.ncon])  # fmt: skip
+        mine, allowed = self.model.body(item).id, self.model.body(table).id
+        return all(mine not in pair or pair == {mine, allowed} for pair in roots)
 
     def _between_fingers(self) -> str | None:
-        """The item nearest to the grip point when the fingers are closed around something, so that nobody moves it."""
-        if self._closed < 0.5:
+        """The item around the grip point when the fingers are closed, so that nobody moves it."""
+        if self._closed < 0.5 or not self._items:
             return None
         grip = self.data.site(scene.GRIP_SITE).xpos
-        distance = {name: float(np.linalg.norm(self._pose(name)[:3] - grip)) for name in self._items}
+        distance = {name: self.shapes[name].distance(self._pose(name), grip) for name in self._items}
         nearest_item = min(distance, key=distance.__getitem__)
-        return nearest_item if distance[nearest_item] < 0.15 else None
+        return nearest_item if distance[nearest_item] < 0.03 else None
 
-    def _rendering(self, height: int, width: int) -> mujoco.Renderer:
-        renderer = self._renderer
-        if renderer is None or (renderer.height, renderer.width) != (height, width):
-            self._free_renderer()
-            try:
-                renderer = mujoco.Renderer(self.model, height, width)
-            except Exception as error:  # mujoco raises whatever its GL binding raises
-                raise MissingError(
-                    f"no off-screen OpenGL (MUJOCO_GL={os.environ['MUJOCO_GL']}): {error}",
-                    command="apt-get install libegl1 libgl1 libgl1-mesa-dri",
-                ) from error
-            # Shadows and reflections cost a fifth of a picture and hide small items.
-            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
-            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
-            self._renderer = renderer
-        return renderer
+
+def _compiled(spec: SceneSpec, file: Path) -> mujoco.MjModel:
+    """The scene's model.
+
+    Raises:
+        DomainError: MuJoCo refuses it.
+    """
+    try:
+        return scene.build(spec).compile()
+    except ValueError as error:
+        raise DomainError(f"MuJoCo refuses this scene: {error}", file=file) from error

@@ -32,6 +32,11 @@ def test_grocery_scene_is_read() -> None:
         ('texture = "wood"', 'texture = "gold"', "table[0].texture", "'wood'"),
         ('name = "lemon"', 'name = "wood-table"', "(whole file)", "named twice"),
         ("[robot]", "[robt]", "robot", "missing"),
+        ("reach = [0.30, 0.74]", "reach = [0.74, 0.30]", "robot", "the first below the second"),
+        ("target = [0.36, 0.0, 0.97]", "target = [1.62, 0.0, 1.62]", "camera[0]", "looks nowhere"),
+        ('asset = "lemon"', 'shape = "box"\nsize = [0.05, 0.05, 0.05]', "item[2]", "'scale' is for an 'asset'"),
+        ('asset = "lemon"', 'asset = "lemon"\nsize = [0.05, 0.05, 0.05]', "item[2]", "'size' is for a 'shape'"),
+        ("scale = 1.25", "scale = [1, 1]", "item[2].scale", "valid number"),
         ("fovy_degrees = 48", "fovy_degrees = 480", "camera[0].fovy_degrees", "less than 150"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -15,7 +16,7 @@ from executive.sim.truth import Oracle, Truth
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Frame, Observation
 from tests.contracts import EstimatorContract, WorldContract
-from tests.executive.sim.stage import ITEMS, MEANING, TABLES, grocery
+from tests.executive.sim.stage import ITEMS, MEANING, OBJECTS, SCENE, TABLES, grocery
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +86,24 @@ def test_restored_world_goes_on_as_the_saved_one(world: MujocoWorld) -> None:
     world.restore(saved)
 
 
+def test_a_restored_hand_goes_on_gripping() -> None:
+    drawn = grocery(0, items=("lemon",))
+    drawn.command_gripper(1.0)
+    drawn.settle(0.6)
+    saved, closed = drawn.snapshot(), drawn.gripper_width()
+    drawn.command_gripper(0.0)
+    drawn.settle(0.6)
+    assert drawn.gripper_width() > 0.06
+    drawn.restore(saved)
+    drawn.settle(0.6)
+    assert drawn.gripper_width() == pytest.approx(closed, abs=0.001)
+
+
 def test_foreign_snapshot_is_refused(world: MujocoWorld) -> None:
-    with pytest.raises(InputError, match="not a snapshot"):
-        world.restore(b"nonsense")
+    saved = world.snapshot()
+    for foreign in (b"", b"nonsense", saved[:200], saved[:-20], b"PK\x03\x04nonsense"):
+        with pytest.raises(InputError, match="not a snapshot"):
+            world.restore(foreign)
     with pytest.raises(InputError, match="another scene"):
         world.restore(grocery(0, items=("lemon",)).snapshot())
 
@@ -105,13 +121,8 @@ def test_every_item_and_the_jaws_can_be_seen(seed: int) -> None:
     seen = dict.fromkeys([*ITEMS, "jaws"], 0)
     fingers = {drawn.model.body(name).id for name in ("left_inner_finger", "right_inner_finger")}
     for camera in drawn.spec.cameras:
-        drawn.render(camera.name)
-        renderer = drawn._rendering(camera.height, camera.width)
+        renderer = drawn.drawing.prepared(drawn.data, camera)
         renderer.enable_segmentation_rendering()
-        options = mujoco.MjvOption()
-        options.geomgroup[:] = 0
-        options.geomgroup[scene.VISUAL] = options.geomgroup[scene.ITEM] = 1
-        renderer.update_scene(drawn.data, camera.name, options)
         owner = np.append(drawn.model.geom_bodyid, -1)[renderer.render()[:, :, 0]]
         renderer.disable_segmentation_rendering()
         for item in ITEMS:
@@ -155,6 +166,70 @@ def test_a_shove_moves_one_item_to_another_free_place() -> None:
     assert np.linalg.norm(after["soda-can"][:2] - before["soda-can"][:2]) > 0.02
     for item in set(ITEMS) - {"soda-can"}:
         assert np.linalg.norm(after[item][:3] - before[item][:3]) < 0.005
+
+
+def test_nobody_puts_an_item_where_the_arm_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = grocery(2)
+    before = drawn.obstacles()
+    in_the_wrist = np.array([*drawn.data.body("wrist_3_link").xpos, 1.0, 0.0, 0.0, 0.0])
+    monkeypatch.setattr(placement, "free_spot", lambda *_: ("black-table", in_the_wrist))
+    assert "no table has room" in drawn.disturb("shove", np.random.default_rng(0), item="lemon")
+    for item in ITEMS:
+        assert np.array_equal(drawn.obstacles()[item], before[item])
+
+
+def test_nobody_takes_an_item_out_of_the_hand() -> None:
+    drawn = grocery(0, items=("water-bottle",))
+    drawn.command_gripper(1.0)
+    for _ in range(40):  # held up by its neck while the fingers close
+        drawn._put("water-bottle", np.array([*(drawn.data.site("grip_site").xpos - [0, 0, 0.06]), 1, 0, 0, 0]))
+        drawn.advance()
+    assert "the robot holds it" in drawn.disturb("shove", np.random.default_rng(0), item="water-bottle")
+    assert "the robot holds it" in drawn.disturb("shove", np.random.default_rng(0))
+
+
+def test_cameras_of_different_sizes_are_drawn_in_their_own(tmp_path: Path) -> None:
+    file = tmp_path / "scene.toml"
+    wide = SCENE.read_text(encoding="utf-8").replace("fovy_degrees = 48", "fovy_degrees = 48\nwidth = 320\nheight = 96")
+    file.write_text(wide, encoding="utf-8")
+    drawn = MujocoWorld(file, {"lemon": "item", **dict.fromkeys(TABLES, "table")})
+    for _ in range(2):
+        shapes = {camera: image.shape for camera, image in drawn.observe().images.items()}
+        assert shapes.pop("front") == (96, 320, 3)
+        assert set(shapes.values()) == {(384, 384, 3)}
+    drawn.close()
+    drawn.close()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('name = "lemon"', 'name = "right_hand"', "MuJoCo refuses this scene: .*repeated name 'right_hand'"),
+        ("2.0548", "9.0", r"robot\.home: elbow_joint does not turn that far"),
+        ("-1.7152", "-0.9", r"robot\.home: there the arm touches black-table"),
+        ("gap = 0.06", "gap = 0.9", r"placement\.gap: the items do not fit"),
+    ],
+)
+def test_scenes_that_cannot_be_are_named(tmp_path: Path, old: str, new: str, words: str) -> None:
+    text = SCENE.read_text(encoding="utf-8") + "\n[placement]\ngap = 0.06\n"
+    assert old in text
+    file = tmp_path / "scene.toml"
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+    objects = {**OBJECTS, "right_hand": "item"} if "right_hand" in new else OBJECTS
+    objects = {name: kind for name, kind in objects.items() if name != "lemon" or "right_hand" not in new}
+    with pytest.raises(DomainError, match=rf"scene\.toml: {words}"):
+        MujocoWorld(file, objects)
+
+
+def test_robot_on_the_floor_and_table_that_is_a_block(tmp_path: Path) -> None:
+    file = tmp_path / "scene.toml"
+    text = SCENE.read_text(encoding="utf-8").replace("position = [0.0, 0.0, 0.92]", "position = [0.0, 0.0, 0.0]", 1)
+    for height in ("0.41", "0.0", "-0.41"):
+        text = text.replace(
+            f"{height}, 0.80]\nsize = [0.44, 0.40, 0.04]", f"{height}, 0.04]\nsize = [0.44, 0.40, 0.04]"
+        )
+    file.write_text(text, encoding="utf-8")
+    assert MujocoWorld(file, OBJECTS).joints() == pytest.approx(grocery(0).handle.limits.home, abs=0.02)
 
 
 def test_watchers_see_frames_and_change_nothing() -> None:
