@@ -59,7 +59,8 @@ def build(
         template: a chat template (Jinja) instead of the family's own; "" for none at all.
         begin: whether the tokenizer puts a token at the beginning of every text, as Llama's and Gemma's do.
         splitting: whether a picture is also taken in parts (SmolVLM alone).
-        answering: how much the model tends to answer rather than to say anything else; 16 leaves little else.
+        answering: how much larger the output rows of yes and no are than those of other tokens, so that a part of the
+            probability goes to them; 16 leaves little for anything else.
     """
     import torch
     from transformers.utils import logging as chatter
@@ -71,7 +72,11 @@ def build(
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         model = made.model()
-        draw_weights(model, [tokenizer.convert_tokens_to_ids(token) for token in answer_tokens()], answering)
+        draw_weights(model)
+        with torch.no_grad():
+            for words, gain in ((("yes", "no"), answering), (("true", "false"), 4.0)):
+                rows = tokenizer.convert_tokens_to_ids(answer_tokens(*words))
+                model.get_output_embeddings().weight[rows] *= gain
     chatter.disable_progress_bar()
     model.save_pretrained(folder)
     tokenizer.save_pretrained(folder)
@@ -83,10 +88,9 @@ def build(
     return folder
 
 
-def draw_weights(model: Any, answers: list[int], answering: float) -> None:
+def draw_weights(model: Any) -> None:
     """Random weights of about the size at which a signal keeps its own. Attention is drawn sharper, so that the last
-    token does not see all of a long prompt alike, and the output rows of the answers' tokens larger, so that a good
-    part of the probability goes to them."""
+    token does not see all of a long prompt alike."""
     import torch
 
     with torch.no_grad():
@@ -98,7 +102,6 @@ def draw_weights(model: Any, answers: list[int], answering: float) -> None:
             gain = 2.0 if "q_proj" in name or "k_proj" in name else 1.0
             fan_in = 1 if "embed" in name else math.prod(weight.shape[1:])
             weight.normal_(0.0, gain / math.sqrt(fan_in))
-        model.get_output_embeddings().weight[answers] *= answering
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ def make_tokenizer(begin: bool = False) -> Any:
     )
 
 
-def answer_tokens() -> list[str]:
-    """All surface forms of all answers, as the tokens of `make_tokenizer`."""
-    forms = [form for word in WORDS for form in (word, word.capitalize(), word.upper())]
+def answer_tokens(*words: str) -> list[str]:
+    """All surface forms of these answers (without any, of all), as the tokens of `make_tokenizer`."""
+    forms = [form for word in words or WORDS for form in (word, word.capitalize(), word.upper())]
     return [space + form for form in forms for space in ("", "\u0120")]  # as byte-level BPE writes a space
