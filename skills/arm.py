@@ -13,7 +13,7 @@ from executive.types import FloatArray, Motion, Phase, SkillResult, SkillStatus,
 from skills import poses, trajectory
 from skills.collision import CollisionModel, Held
 from skills.ik import Kinematics
-from skills.motion import MotionPlanner
+from skills.motion import MotionPlanner, Path
 
 OPEN_WIDTH = 0.080
 """m; wider than this the fingers are open."""
@@ -27,8 +27,12 @@ _EMPTY_WIDTH = 0.004
 _SLACK = 0.008
 """m; what is held may shift between the pads by this much before it counts as dropped."""
 
-_BLOCKED = 0.25
-"""rad; a joint that is this far from where it is commanded to be is held up by something."""
+_BLOCKED = 0.15
+"""rad; a joint that is this far from where it is commanded to be is held up by something. Unhindered, it lags by less
+than 0.01."""
+
+_AT_GRIP = 0.02
+"""m between the grip point and an item that the fingers are around, at most."""
 
 _WITHDRAW = np.linspace(0.01, 0.10, 10)
 """Heights in m through which a hand that touches something withdraws."""
@@ -75,9 +79,8 @@ class Attempt:
         self.arm = arm_of(self.handle)
         self._began = self.body.time
         self._ahead = 0.0
-        self._grip_width: float | None = None
-        self.carried: str | None = None
-        """The item that the hand is meant to hold."""
+        self._last_plan: Path | None = None
+        self._grip_width = self.body.gripper_width() if self.holding else None
 
     @property
     def holding(self) -> bool:
@@ -89,7 +92,12 @@ class Attempt:
         self.context.announce(Phase(name, detail, seconds))
 
     def plan(self, goals: Sequence[FloatArray], held: Held | None = None) -> FloatArray | None:
-        """A free path (N, 6) from here to one of `goals`, among all items where they are now."""
+        """A free path (N, 6) from here to one of `goals`, among all items where they are now; None when none is found.
+
+        Raises:
+            SkillError: CANCELLED.
+        """
+        self.heed()
         self.look_around(held)
         seed = int(self.context.rng.integers(2**31))
         found = self.arm.planner.plan(self.body.joints(), goals, seed)
@@ -97,11 +105,13 @@ class Attempt:
         return None if found is None else found.configurations
 
     def held(self) -> Held | None:
-        """What the hand carries, as it lies in the hand at this moment; None for an empty hand."""
-        if self.carried is None or not self.holding:
+        """What the fingers are around, as it lies in the hand at this moment; None for an empty hand."""
+        if not self.holding:
             return None
-        hand = self.arm.kinematics.forward(self.body.joints())
-        return Held(self.carried, poses.inverse(hand) @ poses.matrix(self.body.obstacles()[self.carried]))
+        hand, items = self.arm.kinematics.forward(self.body.joints()), self.body.obstacles()
+        away = {item: self.handle.shapes[item].distance(pose, hand[:3, 3]) for item, pose in items.items()}
+        item = min(away, key=away.__getitem__)
+        return Held(item, poses.inverse(hand) @ poses.matrix(items[item])) if away[item] < _AT_GRIP else None
 
     def look_around(self, held: Held | None = None, ignored: Collection[str] = ()) -> None:
         """Bring the collision model up to date."""
@@ -139,7 +149,7 @@ class Attempt:
         period = self.handle.control_period
         elapsed, rate, failure = 0.0, 1.0, None
         while elapsed < course.seconds and rate > 0.0:
-            failure = failure or self._felt()
+            failure = failure or self._felt() or self._blocked(course.position(elapsed))
             if failure is not None:
                 rate -= period / _BRAKE_SECONDS  # slow down along the path rather than jerk to a stop
             elapsed += period * max(rate, 0.0)
@@ -147,12 +157,14 @@ class Attempt:
             self.body.advance()
         if failure is not None:
             later = sum(trajectory.timed(other, self.handle.limits, 0.5).seconds for other in then)
-            self._ahead += course.seconds - elapsed + later
+            self._ahead += max(0.0, course.seconds - elapsed) + later
+            if failure.status is SkillStatus.TIMED_OUT:
+                self.body.command(self.body.joints(), np.zeros_like(path[0]))  # push no further
             raise failure
         self._arrive(course.position(course.seconds))
 
-    def close_gripper(self, item: str) -> None:
-        """Close until something is held, which is taken to be `item`.
+    def close_gripper(self) -> None:
+        """Close until something is held.
 
         Raises:
             SkillError: GRASP_MISSED when there is nothing between the fingers.
@@ -160,17 +172,11 @@ class Attempt:
         self._drive_gripper(1.0)
         if not self.holding:
             raise SkillError(SkillStatus.GRASP_MISSED, "the gripper closed on nothing")
-        self.carried = item
         self._grip_width = self.body.gripper_width()
 
     def open_gripper(self) -> None:
-        self._grip_width = self.carried = None
+        self._grip_width = None
         self._drive_gripper(0.0)
-
-    def take_over_grip(self, item: str) -> None:
-        """Go on with what the hand holds already."""
-        self.carried = item
-        self._grip_width = self.body.gripper_width()
 
     def wait(self, seconds: float) -> None:
         """Let the world's time pass."""
@@ -187,6 +193,15 @@ class Attempt:
         seconds = self.body.time - self._began
         return SkillResult(self.step, status, reason, seconds, seconds + self._ahead)
 
+    def heed(self) -> None:
+        """The place to stop at, at rest, when the run is cancelled.
+
+        Raises:
+            SkillError: CANCELLED.
+        """
+        if self.context.cancelled():
+            raise SkillError(SkillStatus.CANCELLED, "cancelled")
+
     def _felt(self) -> SkillError | None:
         if self.context.cancelled():
             return SkillError(SkillStatus.CANCELLED, "cancelled")
@@ -195,15 +210,24 @@ class Attempt:
             return SkillError(SkillStatus.DROPPED, "the fingers no longer feel what they gripped")
         return None
 
+    def _blocked(self, commanded: FloatArray) -> SkillError | None:
+        if float(np.abs(self.body.joints() - commanded).max()) <= _BLOCKED:
+            return None
+        return SkillError(SkillStatus.TIMED_OUT, "the arm does not get where it is sent: something is in the way")
+
     def _arrive(self, goal: FloatArray) -> None:
-        """Wait for the servos to come to rest at `goal`."""
+        """Wait for the servos to come to rest at `goal`.
+
+        Raises:
+            SkillError: TIMED_OUT when they are far from it after a second.
+        """
         for _ in range(round(1.0 / self.handle.control_period)):
             if float(np.abs(self.body.joints() - goal).max()) < 0.004:
                 return
             self.body.command(goal, np.zeros_like(goal))
             self.body.advance()
-        if float(np.abs(self.body.joints() - goal).max()) > _BLOCKED:
-            raise SkillError(SkillStatus.TIMED_OUT, "the arm did not get where it was sent: something is in the way")
+        if failure := self._blocked(goal):
+            raise failure
 
     def _drive_gripper(self, closed: float) -> None:
         steps = round(_GRIP_SECONDS / self.handle.control_period)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import mink
-import mujoco
 import numpy as np
 
 from executive.sim.handle import Handle
@@ -27,7 +26,7 @@ class Kinematics:
         self._qpos = np.array([self._model.joint(name).qposadr[0] for name in JOINTS])
         self._task = mink.FrameTask(GRIP_SITE, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-3)
         self._site = self._model.site(GRIP_SITE).id
-        self._base = np.array(self._model.body("shoulder_link").pos[:2]) + _mount(self._model)
+        self._base = np.array(self._configuration.data.body("shoulder_link").xpos[:2])
 
     def forward(self, q: FloatArray) -> FloatArray:
         """The grip point's transform (4, 4) in the world frame."""
@@ -100,14 +99,6 @@ class Kinematics:
         lower, upper = self._limits.lower, self._limits.upper
         wrapped = lower + (q - lower) % (2 * np.pi)
         return np.asarray(wrapped) if bool((wrapped <= upper).all()) else None
-
-
-def _mount(model: mujoco.MjModel) -> FloatArray:
-    body, position = model.body("shoulder_link").parentid[0], np.zeros(2)
-    while body != 0:
-        position = position + model.body_pos[body][:2]
-        body = model.body_parentid[body]
-    return np.asarray(position)
 
 
 def _bearing(transform: FloatArray, base: FloatArray) -> float:

@@ -51,7 +51,10 @@ def _pick(attempt: Attempt) -> None:
     pose = poses.matrix(attempt.body.locate(item))
     if not grasps.on_table(pose, shape, top):
         raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {table}")
-    reaches = _reachable(attempt, item, grasps.candidates(pose, shape, top.centre[2]))
+    candidates = grasps.candidates(pose, shape, top.centre[2])
+    if not candidates:
+        raise SkillError(SkillStatus.UNREACHABLE, f"{item} is too wide for the gripper as it stands or lies")
+    reaches = _reachable(attempt, item, candidates)
     if not reaches:
         raise SkillError(SkillStatus.UNREACHABLE, f"no grasp of {item} is within reach and free of collisions")
     for reach in reaches[:_MOST_PLANS]:
@@ -64,7 +67,7 @@ def _pick(attempt: Attempt) -> None:
     attempt.move("approach", reach.approach, speed=0.5)
     attempt.phase("grip")
     try:
-        attempt.close_gripper(item)
+        attempt.close_gripper()
     except SkillError:
         attempt.open_gripper()
         attempt.move("retreat", np.concatenate([reach.approach[-1:], reach.lift]), speed=0.6)
@@ -72,7 +75,7 @@ def _pick(attempt: Attempt) -> None:
     attempt.move("lift", np.concatenate([reach.approach[-1:], reach.lift]), speed=0.6)
     if attempt.handle.home_pose:
         go_home(attempt)
-        attempt.still_held()
+    attempt.still_held()
 
 
 def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> list[_Reach]:
@@ -83,6 +86,7 @@ def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> lis
     for preference, grasp in enumerate(candidates):
         if len(found) >= 2 * _MOST_PLANS:
             break
+        attempt.heed()
         outward = -grasp[:3, 2]
         for seed in arm.kinematics.seeds(grasp, start):
             q = arm.kinematics.solve(grasp, seed)

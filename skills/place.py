@@ -21,8 +21,6 @@ _RETREAT = np.linspace(0.015, 0.10, 6)
 
 _YAWS = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 _MOST_PLANS = 6
-_IN_HAND = 0.12
-"""m between grip point and item beyond which it is not this item that the hand holds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,10 +43,8 @@ def place(step: Step, context: SkillContext) -> SkillResult:
 
 def _place(attempt: Attempt) -> None:
     item, table = attempt.step.args
-    attempt.take_over_grip(item)
     held = attempt.held()
-    if held is None or float(np.linalg.norm(held.in_hand[:3, 3])) > _IN_HAND:
-        attempt.carried = None
+    if held is None or held.item != item:
         raise SkillError(SkillStatus.NOT_THERE, f"the gripper does not hold {item}")
     attempt.phase("plan", f"a spot on {table}")
     descents = _descents(attempt, held, table)
@@ -79,6 +75,7 @@ def _descents(attempt: Attempt, held: Held, table: str) -> list[_Descent]:
     upright = grasps.resting(now, shape)
     found: list[_Descent] = []
     for spot in grasps.spots(upright, shape, top, others, attempt.handle.shapes, attempt.context.rng):
+        attempt.heed()
         for yaw in _YAWS:
             target = np.eye(4)
             target[:3, :3] = Rotation.from_euler("z", float(yaw)).as_matrix() @ upright

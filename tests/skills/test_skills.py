@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from skills import grasps, poses
 from skills.pick import pick
 from skills.place import place
 from tests.contracts import SkillContract
-from tests.executive.sim.stage import ITEMS, MEANING, TABLES, grocery
+from tests.executive.sim.stage import ITEMS, MEANING, OBJECTS, SCENE, TABLES, grocery
 
 
 class Robot:
@@ -22,7 +24,7 @@ class Robot:
     def __init__(self, world: MujocoWorld, seed: int = 0) -> None:
         self.world, self.rng = world, np.random.default_rng(seed)
         self.said: list[Phase | Motion] = []
-        self.cancelled = False
+        self.cancelled, self._cancel_in = False, ""
         self.truth = Truth(world, MEANING)
 
     def pick(self, item: str, table: str) -> SkillResult:
@@ -37,11 +39,24 @@ class Robot:
     def so(self, atom: str) -> bool:
         return bool(self.truth.of([Atom.parse(atom)]).true)
 
+    def cancel_in(self, phase: str) -> None:
+        self.cancelled, self._cancel_in = False, phase
+
+    def go_on(self) -> None:
+        """No longer cancelled, and standing still."""
+        self.world.settle(0.3)
+        assert np.abs(self.world.data.qvel[:6]).max() < 0.02
+        self.cancelled, self._cancel_in = False, ""
+
     def phases(self) -> list[str]:
         return [event.name for event in self.said if isinstance(event, Phase)]
 
     def _context(self) -> SkillContext:
-        return SkillContext(self.world.handle, self.rng, self.said.append, lambda: self.cancelled)
+        return SkillContext(self.world.handle, self.rng, self._hear, lambda: self.cancelled)
+
+    def _hear(self, event: Phase | Motion) -> None:
+        self.said.append(event)
+        self.cancelled = self.cancelled or (isinstance(event, Phase) and event.name == self._cancel_in)
 
 
 class _OnTheRobot(SkillContract):
@@ -154,6 +169,71 @@ def test_cancelled_stops_and_can_be_called_again() -> None:
     assert robot.pick("cereal-box", source).done
 
 
+def test_cancelled_in_any_phase_stops_and_can_go_on() -> None:
+    robot = Robot(grocery(seed=20))
+    source = robot.table_of("bread-loaf")
+    target = other(source)
+    before = robot.world.snapshot()
+    assert robot.pick("bread-loaf", source).done
+    between = robot.world.snapshot()
+    for phase in ("plan", "approach", "grip", "lift", "transfer"):
+        robot.world.restore(before)
+        robot.cancel_in(phase)
+        assert robot.pick("bread-loaf", source).status is SkillStatus.CANCELLED, phase
+        robot.go_on()
+        assert robot.so("robot-gripper-empty()") is (phase in ("plan", "approach")), phase
+        if robot.so("robot-gripper-empty()"):
+            assert robot.pick("bread-loaf", source).done, phase
+        assert robot.place("bread-loaf", target).done, phase
+    for phase in ("plan", "transfer", "lower", "release", "retreat", "home"):
+        robot.world.restore(between)
+        robot.cancel_in(phase)
+        assert robot.place("bread-loaf", target).status is SkillStatus.CANCELLED, phase
+        robot.go_on()
+        if not robot.so("robot-gripper-empty()"):
+            assert robot.place("bread-loaf", target).done, phase
+        assert robot.so(f"on-table(bread-loaf,{target})"), phase
+
+
+def test_an_arm_that_is_held_up_says_so_and_pushes_no_further() -> None:
+    robot = Robot(grocery(seed=20))
+    source = robot.table_of("cereal-box")
+    jammed = robot.world.model.joint("shoulder_pan_joint").dofadr[0]
+    robot.world.schedule(1.2, lambda: robot.world.model.dof_damping.__setitem__(jammed, 1e6))
+    result = robot.pick("cereal-box", source)
+    assert result.status is SkillStatus.TIMED_OUT
+    assert "in the way" in result.reason
+    assert "grip" not in robot.phases()
+
+
+def test_what_is_too_wide_is_not_tried(tmp_path: Path) -> None:
+    text = SCENE.read_text(encoding="utf-8").replace("scale = [0.74, 1.25, 1.05]", "scale = [3, 2, 1]")
+    file = tmp_path / "scene.toml"
+    file.write_text(text, encoding="utf-8")
+    robot = Robot(MujocoWorld(file, {"cereal-box": "item", **dict.fromkeys(TABLES, "table")}))
+    result = robot.pick("cereal-box", robot.table_of("cereal-box"))
+    assert result.status is SkillStatus.UNREACHABLE
+    assert "too wide" in result.reason
+
+
+def test_a_robot_that_is_turned_finds_its_way(tmp_path: Path) -> None:
+    turn = 0.8
+    cos, sin = np.cos(turn), np.sin(turn)
+    text = SCENE.read_text(encoding="utf-8").replace(
+        "position = [0.0, 0.0, 0.92]", f"position = [0, 0, 0.92]\nyaw = {turn}"
+    )
+    for y in (0.41, 0.0, -0.41):
+        place = f"[{cos * 0.46 - sin * y}, {sin * 0.46 + cos * y}, 0.80]\nyaw = {turn}"
+        text = text.replace(f"[0.46, {y}, 0.80]", place)
+    file = tmp_path / "scene.toml"
+    file.write_text(text, encoding="utf-8")
+    robot = Robot(MujocoWorld(file, OBJECTS, seed=4))
+    source = robot.table_of("milk-carton")
+    assert robot.pick("milk-carton", source).done
+    assert robot.place("milk-carton", other(source)).done
+    assert robot.so(f"on-table(milk-carton,{other(source)})")
+
+
 def test_without_home_pose_an_action_ends_where_it_is_done() -> None:
     robot = Robot(grocery(seed=20, home_pose=False))
     source = robot.table_of("milk-carton")
@@ -170,6 +250,12 @@ def test_a_full_hand_does_not_pick() -> None:
     result = robot.pick("soda-can", robot.table_of("soda-can"))
     assert not result.done
     assert robot.so("robot-gripping(lemon)")
+    # What is in the hand is not what is to be put down. The hand takes it home and stays there.
+    result = robot.place("soda-can", other(robot.table_of("soda-can")))
+    assert result.status is SkillStatus.NOT_THERE
+    assert result.reason == "the gripper does not hold soda-can"
+    assert robot.so("robot-gripping(lemon)")
+    assert np.abs(robot.world.joints() - robot.world.handle.limits.home).max() < 0.02
 
 
 def test_grasps_close_across_what_fits_and_reach_down() -> None:
