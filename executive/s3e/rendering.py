@@ -79,7 +79,10 @@ class Chat:
     def render(self, system: str, pictures: int, question: str) -> str:
         """The whole prompt as text, up to where the model is to answer."""
         messages = self.style(system, pictures, question, self.mark)
-        return str(self.processor.apply_chat_template(messages, add_generation_prompt=True, tokenize=False))
+        template = str(getattr(self.processor, "chat_template", None) or self.processor.tokenizer.chat_template)
+        # A model that thinks aloud first (Qwen3.5, GLM) would put no probability on an answer yet.
+        quick = {"enable_thinking": False} if "enable_thinking" in template else {}
+        return str(self.processor.apply_chat_template(messages, add_generation_prompt=True, tokenize=False, **quick))
 
     def tokens(self, text: str) -> list[int]:
         """A rendered prompt's tokens, a picture being whatever the text says it is (the processor has yet to put in as

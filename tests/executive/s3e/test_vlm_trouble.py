@@ -55,6 +55,11 @@ TEMPLATES = {
         "{% else %}" + USER + " ASSISTANT:{% endif %}{% endfor %}",
         "<<SYS>><image>Q? ASSISTANT:",
     ),
+    "thinks aloud first": (
+        "{% for message in messages %}" + USER + "{% endfor %} ASSISTANT:"
+        "{{ '' if enable_thinking is defined and not enable_thinking else '<think>' }}",
+        "SYS<image>Q? ASSISTANT:",
+    ),
     "strings alone": (
         "{% for message in messages %}{{ message['role'] + ': ' + message['content'] + '\n' }}{% endfor %}ASSISTANT:",
         "system: SYS\nuser: <image>Q?\nASSISTANT:",
