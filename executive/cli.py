@@ -8,6 +8,7 @@ Everything heavy is imported inside the command that needs it, so that `executiv
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shlex
@@ -67,8 +68,8 @@ def exit_code(arguments: Sequence[str]) -> int:
         return int(code or 0)
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # whoever read our output has seen enough; Python's own flush at exit shall not complain
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:
+        _read_no_more()
         return NOT_REACHED
     except Exception as error:
         if settings.debug:
@@ -76,6 +77,11 @@ def exit_code(arguments: Sequence[str]) -> int:
         code, message = _told(error, arguments)
         print(f"error: {message}", file=sys.stderr)
         return code
+
+
+def _read_no_more() -> None:
+    """Whoever read our output has seen enough; Python's own flush at exit shall not complain."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _told(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
@@ -87,6 +93,8 @@ def _told(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
             context = getattr(error, "ctx", None)
             command = context.command_path if context is not None else "executive"
             return BAD_INPUT, f"{_one_line(error.format_message()).rstrip('.')}; see: {command} --help"
+        case OSError(errno=errno.ENOSPC | errno.EDQUOT):
+            return BAD_INPUT, f"there is no room to write to: {_one_line(str(error))}"
     again = shlex.join(["executive", "--debug", *arguments])
     return BUG, f"this is a bug in Executive: {_one_line(f'{type(error).__name__}: {error}')}; traceback: {again}"
 
@@ -169,10 +177,13 @@ def run(
     stream = sys.stderr if as_json else sys.stdout
     with assemble.Run(config, [] if quiet else [TerminalSink(stream)]) as prepared, _ctrl_c(prepared.cancel):
         summary = prepared.execute()
-    if not quiet:
-        print_summary(summary, prepared.folder, stream)
-    if as_json:
-        print(json.dumps(summary, indent=2))
+    try:
+        if not quiet:
+            print_summary(summary, prepared.folder, stream)
+        if as_json:
+            print(json.dumps(summary, indent=2), flush=True)
+    except BrokenPipeError:  # how the run ended does not hang on who reads it
+        _read_no_more()
     if summary["outcome"] == OutcomeKind.INTERRUPTED:
         return INTERRUPTED
     # A goal that nobody saw is not reported as reached, whatever a blind robot believes.

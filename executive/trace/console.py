@@ -19,7 +19,13 @@ def console_for(stream: TextIO, environment: Mapping[str, str] = os.environ) -> 
     if isinstance(stream, io.TextIOWrapper) and not stream.encoding.lower().startswith("utf"):
         stream.reconfigure(errors=_IN_ASCII)
     plain = bool(environment.get("NO_COLOR")) or environment.get("TERM") == "dumb"
-    return Console(file=stream, markup=False, highlight=False, emoji=False, no_color=plain or None)
+    return _Console(file=stream, markup=False, highlight=False, emoji=False, no_color=plain or None)
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Say so; rich would end the whole process, and a run does not end because nobody reads along."""
+        raise BrokenPipeError
 
 
 def _in_ascii(error: UnicodeError) -> tuple[str, int]:

@@ -22,7 +22,7 @@ _AT_ONCE = (Started, Plan, Dispatched, Phase, FaultInjected)
 
 
 class TerminalSink:
-    """Tells people of a run on `stream`, as it happens."""
+    """Tells people of a run on `stream`, as it happens, for as long as the stream takes it: a pipe may be closed."""
 
     def __init__(self, stream: TextIO) -> None:
         self._console = console_for(stream)
@@ -30,9 +30,17 @@ class TerminalSink:
         self._live: Live | None = None
         self._wanted = is_live(self._console)
         self._drawn = 0.0
+        self._unread = False
 
     def write(self, event: Event) -> None:
         self._story.tell(event)
+        if not self._unread:
+            try:
+                self._show(event)
+            except OSError:
+                self._unread = True
+
+    def _show(self, event: Event) -> None:
         if not self._wanted:
             if line := event_line(event, self._story):
                 self._console.print(line, soft_wrap=True)

@@ -57,7 +57,7 @@ def summary(outcome: OutcomeKind) -> Summary:
         seed=0,
         estimator="oracle",
         outcome=str(outcome),
-        goal_seen=True,
+        goal_seen=outcome is OutcomeKind.GOAL_REACHED,
         goal_true=True,
         unreached=[],
         cycles=2,
@@ -344,6 +344,25 @@ def test_the_module_is_the_command() -> None:
 def test_it_works_from_any_folder(tmp_path: Path) -> None:
     run = executive("domains", cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")
+
+
+def test_a_reader_that_has_seen_enough_ends_no_run(tmp_path: Path) -> None:
+    line = ("run", "grocery", "--problem", "one-item", "--no-trace-viewer", "--name", "r")
+    command = shlex.join([sys.executable, "-m", "executive", *line])
+    script = f"{command} | head -n 1; echo ${{PIPESTATUS[0]}}"
+    run = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False, timeout=120, cwd=tmp_path)
+    assert run.stderr == ""
+    assert run.stdout.splitlines()[1:] == ["0"]
+    assert json.loads((tmp_path / "runs" / "r" / "summary.json").read_text())["outcome"] == "goal-reached"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full is Linux's")
+def test_where_there_is_no_room_is_said_in_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "executive", "domains"]
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120)
+    assert run.returncode == 2
+    assert run.stderr == "error: there is no room to write to: [Errno 28] No space left on device\n"
 
 
 def test_a_reader_that_has_seen_enough_is_no_error() -> None:

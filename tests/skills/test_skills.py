@@ -207,7 +207,7 @@ def test_an_arm_that_is_held_up_says_so_and_pushes_no_further() -> None:
 
 
 def test_what_is_too_wide_is_not_tried(tmp_path: Path) -> None:
-    text = SCENE.read_text(encoding="utf-8").replace("scale = [0.74, 1.25, 1.05]", "scale = [3, 2, 1]")
+    text = SCENE.read_text(encoding="utf-8").replace("scale = [0.74, 1.25, 1.05]", "scale = [1.6, 3, 1]")
     file = tmp_path / "scene.toml"
     file.write_text(text, encoding="utf-8")
     robot = Robot(MujocoWorld(file, {"cereal-box": "item", **dict.fromkeys(TABLES, "table")}))
