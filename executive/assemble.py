@@ -67,6 +67,8 @@ class RunConfig:
             raise InputError(
                 f"{self.estimator!r} asks no model; --vlm and --server go with --estimator vlm", key="--estimator"
             )
+        if not 0.0 <= self.grasp_noise <= 1.0:
+            raise InputError(f"a standard deviation in m, from 0 to 1, not {self.grasp_noise}", key="--grasp-noise")
         if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):
             raise InputError(f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'", key="--name")
 
@@ -87,7 +89,7 @@ class Run:
     def __init__(self, config: RunConfig, sinks: Sequence[Sink] = ()) -> None:
         self.config = config
         self.domain = load_domain(config.domain, config.problem)
-        injected = [parse_fault(spec, self.domain.task.objects) for spec in config.faults]
+        injected = [parse_fault(spec, _items(self.domain)) for spec in config.faults]
         # A model takes long to load and may be none: before anything that would have to be undone.
         seeing = open_eye(config.eye, self.domain.subject) if config.eye is not None else None
         planner = FastDownwardPlanner(self.domain.parsed)
@@ -149,6 +151,13 @@ def load_skills(domain: Domain) -> Mapping[str, Skill]:
     return {action: points[skill].load() for action, skill in domain.skills.items()}
 
 
+def _items(domain: Domain) -> list[str]:
+    """The problem's objects that can be moved."""
+    from executive.sim.spec import read_scene
+
+    return [item.name for item in read_scene(domain.scene).items if item.name in domain.task.objects]
+
+
 def _stage(domain: Domain, config: RunConfig) -> tuple[MujocoWorld, Truth]:
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
@@ -164,7 +173,7 @@ def _stage(domain: Domain, config: RunConfig) -> tuple[MujocoWorld, Truth]:
         grasp_noise=config.grasp_noise,
         home_pose=config.home_pose,
     )
-    return world, Truth(world, domain.relations)
+    return world, Truth(world, domain.relations, task.parameters, domain.folder / "domain.toml")
 
 
 def _eye(

@@ -136,7 +136,7 @@ def run(
     per_image: PerImage = False,
     calibration: CalibrationFile = None,
     fault: Annotated[
-        list[str] | None, typer.Option(help="Break something: drop@4, drop:p=0.3, miss@2, shove@3.")
+        list[str] | None, typer.Option(help="Break something: drop@4, drop:p=0.3, miss@3, shove@3.")
     ] = None,
     home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
     grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.0,

@@ -26,7 +26,7 @@ from executive.errors import InputError, nearest
 from executive.protocols import World
 from executive.types import FaultInjected, Phase, Step
 
-EXAMPLES = "drop@4, drop:p=0.3, drop:p=0.3,item=lemon, miss@2 or shove@3:item=lemon"
+EXAMPLES = "drop@4, drop:p=0.3, drop:p=0.3,item=lemon, miss@3 or shove@3:item=lemon"
 _NUMBER = re.compile(r"[0-9]{1,9}")
 _CHANCE = re.compile(r"(?:[0-9]{1,3}(?:\.[0-9]{0,25})?|\.[0-9]{1,25})(?:[eE]-?[0-9]{1,3})?")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")

@@ -7,6 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from executive.errors import InputError
 from executive.protocols import SkillContext
 from executive.sim.handle import Handle
 from executive.types import FloatArray, Motion, Phase, SkillResult, SkillStatus, Step
@@ -81,6 +82,17 @@ class Attempt:
         self._ahead = 0.0
         self._last_plan: Path | None = None
         self._grip_width = self.body.gripper_width() if self.holding else None
+
+    def item_and_table(self) -> tuple[str, str]:
+        """What the step names.
+
+        Raises:
+            InputError: the domain gives this skill an action with other parameters.
+        """
+        match self.step.args:
+            case (item, table) if item in self.handle.shapes and table in self.handle.tables:
+                return item, table
+        raise InputError(f"the skill takes an item and a table, not {self.step}", key=f"actions.{self.step.action}")
 
     @property
     def holding(self) -> bool:

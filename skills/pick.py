@@ -42,7 +42,7 @@ def pick(step: Step, context: SkillContext) -> SkillResult:
 
 
 def _pick(attempt: Attempt) -> None:
-    item, table = attempt.step.args
+    item, table = attempt.item_and_table()
     shape, top = attempt.handle.shapes[item], attempt.handle.tables[table]
     if attempt.holding:
         raise SkillError(SkillStatus.GRASP_MISSED, "the gripper holds something already")

@@ -42,7 +42,7 @@ def place(step: Step, context: SkillContext) -> SkillResult:
 
 
 def _place(attempt: Attempt) -> None:
-    item, table = attempt.step.args
+    item, table = attempt.item_and_table()
     held = attempt.held()
     if held is None or held.item != item:
         raise SkillError(SkillStatus.NOT_THERE, f"the gripper does not hold {item}")

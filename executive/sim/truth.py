@@ -5,6 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import entry_points
+from inspect import signature
+from pathlib import Path
+from types import MappingProxyType
 
 import mujoco
 
@@ -27,16 +30,30 @@ class Truth:
     Args:
         world: the simulated world.
         meaning: predicate -> name of the relation that is its truth.
+        parameters: predicate -> the names of its parameters, to be held against the relation's.
+        file: the domain file, for the error message.
 
     Raises:
-        DomainError: a relation is not registered.
+        DomainError: a relation is not registered, or takes another number of objects than its predicate.
     """
 
-    def __init__(self, world: MujocoWorld, meaning: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        world: MujocoWorld,
+        meaning: Mapping[str, str],
+        parameters: Mapping[str, Sequence[str]] = MappingProxyType({}),
+        file: Path | None = None,
+    ) -> None:
         known = relations()
-        for name in meaning.values():
+        for predicate, name in meaning.items():
+            key = f"predicates.{predicate}.relation"
             if name not in known:
-                raise DomainError(f"no relation {name!r} is registered; {nearest(name, known)}")
+                raise DomainError(f"no relation {name!r} is registered; {nearest(name, known)}", file=file, key=key)
+            takes, has = len(signature(known[name]).parameters) - 1, len(parameters.get(predicate, ()))
+            if predicate in parameters and takes != has:
+                raise DomainError(
+                    f"{name!r} needs {takes} object{'s' * (takes != 1)}, this predicate has {has}", file=file, key=key
+                )
         self._world = world
         self._meaning = {predicate: known[name] for predicate, name in meaning.items()}
 

@@ -266,6 +266,12 @@ def test_the_loop_never_asks_for_the_truth(prepared: Prepared, monkeypatch: pyte
     [
         ("domain.toml", 'skill = "pick"', 'skill = "pik"', ": actions.pick.skill: no skill 'pik'"),
         ("domain.toml", 'relation = "on"', 'relation = "onto"', ": predicates.on-table.relation: no relation 'onto'"),
+        (
+            "domain.toml",
+            'relation = "gripper-empty"',
+            'relation = "gripping"',
+            "domain.toml: predicates.robot-gripper-empty",
+        ),
         ("domain.toml", "[world]", "[wrld]", "domain.toml"),
         ("domain.pddl", ":precondition (robot-gripping", ":precondition (robot-griping", "domain.pddl"),
         ("scene.toml", 'name = "lemon"', 'name = "lime"', "scene.toml: item: the problem's object 'lemon' has no body"),
@@ -299,6 +305,11 @@ def test_wrong_configurations_say_what_is_valid(tmp_path: Path) -> None:
         RunConfig("grocery", name="../elsewhere")
     with pytest.raises(InputError, match="drop"):
         Run(RunConfig("grocery", faults=("drp@3",), runs=tmp_path))
+    with pytest.raises(InputError, match="no item 'wood-table'"):
+        Run(RunConfig("grocery", faults=("shove@3:item=wood-table",), runs=tmp_path))
+    for noise in (-0.1, float("inf"), float("nan")):
+        with pytest.raises(InputError, match="--grasp-noise: "):
+            RunConfig("grocery", grasp_noise=noise)
     skill: Skill = Run(RunConfig("grocery", name="once", runs=tmp_path, viewer=False)).executive.skills["pick"]
     assert callable(skill)
     with pytest.raises(InputError, match="there is a run of this name already"):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from executive.errors import InputError
 from executive.protocols import Skill, SkillContext, World
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
@@ -256,6 +257,14 @@ def test_a_full_hand_does_not_pick() -> None:
     assert result.reason == "the gripper does not hold soda-can"
     assert robot.so("robot-gripping(lemon)")
     assert np.abs(robot.world.joints() - robot.world.handle.limits.home).max() < 0.02
+
+
+@pytest.mark.parametrize("args", [("lemon",), ("lemon", "lemon"), ("wood-table", "lemon"), ("a", "b", "c")])
+@pytest.mark.parametrize("skill", [pick, place])
+def test_an_action_with_other_parameters_is_the_domains_mistake(skill: Skill, args: tuple[str, ...]) -> None:
+    robot = Robot(grocery(seed=20, items=("lemon",)))
+    with pytest.raises(InputError, match=r"actions\.move: the skill takes an item and a table, not move\("):
+        skill(Step("move", args, Facts(), Facts()), robot._context())
 
 
 def test_grasps_close_across_what_fits_and_reach_down() -> None:

@@ -69,6 +69,13 @@ def test_oracle_believes_the_truth_and_nothing_else() -> None:
     world.close()
 
 
+def test_relation_about_another_number_of_objects_is_named() -> None:
+    world, parameters = grocery(0), {"on-table": ("item", "table"), "robot-gripper-empty": ()}
+    Truth(world, MEANING, parameters)
+    with pytest.raises(DomainError, match=r"predicates\.robot-gripper-empty\.relation: 'gripping' needs 1 object, "):
+        Truth(world, {**MEANING, "robot-gripper-empty": "gripping"}, parameters)
+
+
 def test_unknown_relation_is_named() -> None:
     with pytest.raises(DomainError, match="did you mean 'gripping'"):
         Truth(grocery(0), {**MEANING, "robot-gripping": "griping"})
