@@ -155,6 +155,7 @@ def run(
 
     from executive import assemble
     from executive.eye import EyeConfig
+    from executive.faults import parse_fault
     from executive.trace.report import print_summary
     from executive.trace.terminal import TerminalSink
 
@@ -177,6 +178,10 @@ def run(
     stream = sys.stderr if as_json else sys.stdout
     with assemble.Run(config, [] if quiet else [TerminalSink(stream)]) as prepared, _ctrl_c(prepared.cancel):
         summary = prepared.execute()
+    struck = {each["spec"] for each in summary["faults"]}
+    for spec in config.faults:
+        if "@" in spec and str(parse_fault(spec)) not in struck and not quiet:
+            print(f"warning: the fault {spec} never struck in {summary['actions']} actions", file=sys.stderr)
     try:
         if not quiet:
             print_summary(summary, prepared.folder, stream)
@@ -233,6 +238,41 @@ def estimate(
     else:
         answered = estimating.tell_look(session, image or [], images, as_json)
     return REACHED if answered else NOT_REACHED
+
+
+@app.command()
+def collect(
+    domain: Annotated[str, typer.Argument(help="A domain's folder, or the name of one that comes with Executive.")],
+    out: Annotated[Path, typer.Option(help="The folder for the data; one that was begun is gone on with.")],
+    points: Annotated[int, typer.Option(min=1, help="How many completed actions to picture.")] = 2000,
+    problem: Annotated[str | None, typer.Option(help="One of the domain's problems (see: executive domains).")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Fixes everything, however many processes share the work.")] = 0,
+    home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
+    grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.010,
+    slips: Annotated[float, typer.Option(min=0.0, max=1.0, help="Chance of losing what is carried.")] = 0.05,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was collected as JSON.")] = False,
+) -> int:
+    """Collect pictures and the truth about them, by random actions in the simulator (the paper's Appendix D)."""
+    from executive import machine
+
+    machine.require()
+
+    from executive.lab import collect as collecting
+    from executive.lab.progress import summary, told
+
+    config = collecting.CollectConfig(domain, out, points, problem, seed, home_pose, grasp_noise, slips, jobs)
+    with (
+        collecting.Collection(config, lambda line: print(f"warning: {_one_line(line)}", file=sys.stderr)) as collection,
+        _ctrl_c(collection.cancel),
+        told(sys.stderr) as watch,
+    ):
+        manifest = collection.run(watch)
+    if manifest is None:
+        print(f"interrupted; finished episodes are kept, go on with: {config.command}", file=sys.stderr)
+        return INTERRUPTED
+    print(json.dumps(manifest, indent=2) if as_json else summary(manifest, out))
+    return REACHED
 
 
 @contextmanager

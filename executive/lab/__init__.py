@@ -1,0 +1,1 @@
+"""Experiments: data sets that a simulated robot collects. Nothing that runs a robot imports this package."""

@@ -1,0 +1,315 @@
+"""Pictures with the truth about them, on disk: one Parquet file an episode, which Hugging Face's `datasets` reads too.
+
+A row is a point: what the cameras saw after one completed action, and which atoms were true then. Pictures are JPEG
+bytes under the feature `Image`, one column a camera, so that `datasets.load_dataset("parquet", ...)` decodes them.
+`atoms` is a struct with one bool an atom: a row's `atoms` is the whole state as a dict, and `Dataset.flatten()` makes
+a column of each. What is no row (attempts that failed, how an episode ended) is in the file's metadata.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from executive.errors import InputError, nearest
+from executive.trace.pictures import to_jpeg
+from executive.types import Atom, Facts, FloatArray, Image, SkillStatus
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+FORMAT = 1
+JPEG_QUALITY = 92
+MANIFEST, CARD, SHARDS = "dataset.json", "README.md", "data"
+
+IMAGE = "image_"
+"""What the columns of pictures begin with; the camera's name follows."""
+
+_METADATA = b"executive"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Point:
+    """One completed action and what was there after it.
+
+    `seed` is the collection's, `episode` counts from 0 and `step` from 1 within the episode. `action` is the step that
+    was carried out, as text; `time` the simulated seconds since the reset; `joints` (6,) in rad; `images` camera ->
+    (H, W, 3) uint8; `facts` the truth of every atom of the task; `surprises` those atoms whose truth is not what the
+    action's effects, and nothing else, would have made of the state before it.
+    """
+
+    seed: int
+    episode: int
+    step: int
+    action: str
+    time: float
+    joints: FloatArray
+    images: Mapping[str, Image]
+    facts: Facts
+    surprises: tuple[Atom, ...] = ()
+
+
+class Attempt(NamedTuple):
+    """An action that was begun: the step as text, what its skill reported, and why."""
+
+    action: str
+    status: str
+    reason: str
+
+    @property
+    def done(self) -> bool:
+        return self.status == SkillStatus.DONE
+
+
+class Ending(StrEnum):
+    """Why an episode was over."""
+
+    FULL = "enough actions done"
+    FAILURES = "too many failures in a row"
+    STUCK = "no action applies"
+    CRASHED = "a skill crashed"
+    CUT = "the collection had its points"
+
+
+class Log(NamedTuple):
+    """What an episode came to: how many points, every attempt in order, and why it was over."""
+
+    episode: int
+    points: int
+    attempts: tuple[Attempt, ...]
+    ending: Ending
+
+
+def shard(folder: Path, episode: int) -> Path:
+    """The file of an episode."""
+    return folder / SHARDS / f"episode-{episode:05d}.parquet"
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Have the file at `path` be the old one or the new one, whatever happens meanwhile."""
+    passing = path.with_name(f".{path.name}.{os.getpid()}")
+    with passing.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    passing.replace(path)
+
+
+def write_shard(
+    folder: Path, collection: str, log: Log, points: Sequence[Point], atoms: Sequence[Atom], cameras: Sequence[str]
+) -> None:
+    """Write an episode's file, whole or not at all. `collection` names what it belongs to."""
+    import pyarrow as pa
+
+    rows = [
+        {
+            "seed": point.seed,
+            "episode": point.episode,
+            "step": point.step,
+            "action": point.action,
+            **{
+                f"{IMAGE}{camera}": {
+                    "bytes": to_jpeg(point.images[camera], JPEG_QUALITY),
+                    "path": f"{point.episode:05d}-{point.step:02d}-{camera}.jpg",
+                }
+                for camera in cameras
+            },
+            "atoms": {str(atom): point.facts[atom] for atom in atoms},
+            "surprises": [str(atom) for atom in point.surprises],
+            "joints": point.joints.tolist(),
+            "time": point.time,
+        }
+        for point in points
+    ]
+    _write(folder, collection, log, pa.Table.from_pylist(rows, schema=_schema(atoms, cameras)))
+
+
+def cut_shard(folder: Path, collection: str, log: Log, points: int) -> Log:
+    """Leave the first `points` rows of an episode's file, as if the episode had been stopped there."""
+    done, attempts = 0, []
+    for attempt in log.attempts:
+        attempts.append(attempt)
+        done += attempt.done
+        if done == points:
+            break
+    cut = Log(log.episode, points, tuple(attempts), Ending.CUT)
+    _write(folder, collection, cut, _table(shard(folder, log.episode)).slice(0, points))
+    return cut
+
+
+def read_log(folder: Path, collection: str, episode: int) -> Log:
+    """What an episode's file says of it, after every byte of the file has been checked.
+
+    Raises:
+        InputError: the file is damaged, or belongs to another collection.
+    """
+    path = shard(folder, episode)
+    table = _table(path)
+    try:
+        said = json.loads(table.schema.metadata[_METADATA])
+        attempts = tuple(Attempt(*entry) for entry in said["attempts"])
+        log, belongs = Log(said["episode"], table.num_rows, attempts, Ending(said["ending"])), said["collection"]
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"is damaged (its metadata: {error!r})", file=path) from None
+    if belongs != collection or log.episode != episode:
+        raise InputError("belongs to another collection", file=path)
+    if log.points != sum(attempt.done for attempt in attempts):
+        raise InputError("is damaged (rows are missing)", file=path)
+    return log
+
+
+def read(folder: Path, cameras: Collection[str] | None = None) -> Iterator[Point]:
+    """The points of a finished collection, in order of episode and step, read as they are asked for.
+
+    Args:
+        cameras: whose pictures to decode; all when not given.
+
+    Raises:
+        InputError: there is no finished collection, a camera that it has not, or (while reading) a damaged file.
+    """
+    manifest = read_manifest(folder)
+    known = list(manifest["cameras"])
+    for camera in cameras or ():
+        if camera not in known:
+            raise InputError(f"has no camera {camera!r}; {nearest(camera, known)}", file=folder)
+    if not manifest["finished"]:
+        raise InputError(f"is not finished; go on with: {manifest['command']}", file=folder)
+    return _points(folder, manifest, [camera for camera in known if cameras is None or camera in cameras])
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What `dataset.json` says.
+
+    Raises:
+        InputError: the folder has none, or it is damaged or of another format.
+    """
+    path = folder / MANIFEST
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        told = manifest["format"]
+    except FileNotFoundError:
+        raise InputError(f"is no collection: it has no {MANIFEST}", file=folder) from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"cannot be read ({error!r})", file=path) from None
+    if told != FORMAT:
+        raise InputError(f"is of format {told!r}; this Executive reads {FORMAT}", file=path)
+    if not isinstance(manifest, dict) or not manifest.keys() >= _KEYS:
+        raise InputError(f"lacks {', '.join(sorted(_KEYS - set(manifest)))}", file=path)
+    return manifest
+
+
+_KEYS = {"format", "collection", "command", "points", "finished", "cameras", "atoms", "statistics"}
+
+
+def columns(folder: Path, episode: int, *names: str) -> list[dict[str, Any]]:
+    """Some columns of an episode, row by row, as plain Python values."""
+    rows: list[dict[str, Any]] = _table(shard(folder, episode), names).to_pylist()
+    return rows
+
+
+def _points(folder: Path, manifest: Mapping[str, Any], cameras: Sequence[str]) -> Iterator[Point]:
+    names = ["seed", "episode", "step", "action", "time", "joints", "atoms", "surprises"]
+    for episode in range(manifest["statistics"]["episodes"]):
+        try:
+            rows = columns(folder, episode, *names, *(f"{IMAGE}{camera}" for camera in cameras))
+            points = [_point(row, cameras) for row in rows]
+        except InputError as error:
+            raise InputError(f"{error}; collect it again with: {manifest['command']}") from None
+        yield from points
+
+
+def _point(row: Mapping[str, Any], cameras: Sequence[str]) -> Point:
+    return Point(
+        seed=row["seed"],
+        episode=row["episode"],
+        step=row["step"],
+        action=row["action"],
+        time=row["time"],
+        joints=np.array(row["joints"]),
+        images={camera: _decoded(row[f"{IMAGE}{camera}"]["bytes"]) for camera in cameras},
+        facts=Facts({Atom.parse(atom): value for atom, value in row["atoms"].items()}),
+        surprises=tuple(map(Atom.parse, row["surprises"])),
+    )
+
+
+def _decoded(jpeg: bytes) -> Image:
+    from PIL import Image as Picture
+
+    with Picture.open(io.BytesIO(jpeg)) as picture:
+        return np.asarray(picture.convert("RGB"))
+
+
+def _table(path: Path, names: Sequence[str] | None = None) -> pa.Table:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            return file.read(None if names is None else list(names))
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path) from None
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"is damaged ({str(error).splitlines()[0].rstrip('.')})", file=path) from None
+
+
+def _write(folder: Path, collection: str, log: Log, table: pa.Table) -> None:
+    import pyarrow.parquet as pq
+
+    said = {
+        "format": FORMAT,
+        "collection": collection,
+        "episode": log.episode,
+        "ending": log.ending,
+        "attempts": log.attempts,
+    }
+    metadata = {**table.schema.metadata, _METADATA: json.dumps(said).encode()}
+    buffer = io.BytesIO()
+    # JPEG does not compress any further; checksums find a damaged page where the file as a whole still opens.
+    pq.write_table(
+        table.replace_schema_metadata(metadata), buffer, compression="NONE", write_page_checksum=True, version="2.6"
+    )
+    write_atomically(shard(folder, log.episode), buffer.getvalue())
+
+
+def _schema(atoms: Sequence[Atom], cameras: Sequence[str]) -> pa.Schema:
+    """The columns, and in the key `huggingface` what they mean to the package `datasets`."""
+    import pyarrow as pa
+
+    picture = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
+    schema = pa.schema(
+        [
+            ("seed", pa.int64()),
+            ("episode", pa.int32()),
+            ("step", pa.int32()),
+            ("action", pa.string()),
+            *((f"{IMAGE}{camera}", picture) for camera in cameras),
+            ("atoms", pa.struct([(str(atom), pa.bool_()) for atom in atoms])),
+            ("surprises", pa.list_(pa.string())),
+            ("joints", pa.list_(pa.float64())),
+            ("time", pa.float64()),
+        ]
+    )
+    features = {
+        "seed": _value("int64"),
+        "episode": _value("int32"),
+        "step": _value("int32"),
+        "action": _value("string"),
+        **{f"{IMAGE}{camera}": {"_type": "Image"} for camera in cameras},
+        "atoms": {str(atom): _value("bool") for atom in atoms},
+        "surprises": {"feature": _value("string"), "_type": "Sequence"},
+        "joints": {"feature": _value("float64"), "_type": "Sequence"},
+        "time": _value("float64"),
+    }
+    return schema.with_metadata({b"huggingface": json.dumps({"info": {"features": features}}).encode()})
+
+
+def _value(dtype: str) -> dict[str, str]:
+    return {"dtype": dtype, "_type": "Value"}

@@ -1,0 +1,62 @@
+"""How far a collection is: a bar on a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TextIO
+
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+from rich.progress import Progress as Bar
+
+from executive.lab.collect import Progress
+from executive.trace.console import console_for, is_live
+
+_EVERY = 30.0
+"""Seconds between two lines where there is no terminal."""
+
+
+@contextmanager
+def told(stream: TextIO) -> Iterator[Callable[[Progress], None]]:
+    """What `Collection.run` is to be watched with."""
+    console = console_for(stream)
+    if not is_live(console):
+        yield _lines(stream)
+        return
+    columns = (TextColumn("points"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[estimate]}"))
+    with Bar(*columns, console=console) as bar:
+        task = bar.add_task("points", total=None, estimate="")
+        yield lambda now: bar.update(task, completed=now.points, total=now.wanted, estimate=estimate(now))
+
+
+def estimate(progress: Progress) -> str:
+    """The pace so far, and how long the rest takes at it."""
+    if not progress.new or progress.seconds <= 0.0:
+        return ""
+    pace = progress.new / progress.seconds
+    left = round((progress.wanted - progress.points) / pace)
+    clock = f"{left // 3600}:{left // 60 % 60:02d}:{left % 60:02d}"
+    return f"{60 * pace:.0f} a minute, {clock} left"
+
+
+def summary(manifest: Mapping[str, Any], folder: object) -> str:
+    """What was collected, in a few lines."""
+    counted = manifest["statistics"]
+    amount = f"{counted['points']} points ({counted['episodes']} episode{'s' * (counted['episodes'] != 1)})"
+    lines = [f"{amount} in {folder}; its README.md tells of them"]
+    for action, statuses in counted["attempts"].items():
+        each = ", ".join(f"{status} {count}" for status, count in statuses.items())
+        lines.append(f"  {action}: {each}")
+    return "\n".join(lines)
+
+
+def _lines(stream: TextIO) -> Callable[[Progress], None]:
+    spoken, full = -_EVERY, False
+
+    def tell(now: Progress) -> None:
+        nonlocal spoken, full
+        if now.seconds - spoken >= _EVERY or (now.points == now.wanted and not full):
+            spoken, full = now.seconds, now.points == now.wanted
+            print(f"{now.points} of {now.wanted} points  {estimate(now)}".rstrip(), file=stream, flush=True)
+
+    return tell
