@@ -323,6 +323,12 @@ def test_what_cannot_be_inspected_is_bad_input(
     assert says in one_error_line(capsys)
 
 
+def test_a_fault_that_never_struck_is_told(during: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    during(ends(OutcomeKind.GOAL_REACHED))
+    assert cli.exit_code(["run", "grocery", "--fault", "drop@99", "--fault", "shove:p=0.1"]) == 0
+    assert capsys.readouterr().err == "warning: the fault drop@99 never struck in 2 actions\n"
+
+
 def test_without_arguments_it_helps(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.exit_code([]) == 0
     assert "Usage: executive" in capsys.readouterr().out
