@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+import shutil
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING
 from executive.domain import Domain, load_domain
 from executive.errors import InputError, nearest
 from executive.eye import NO_MODEL, EyeConfig, open_eye
-from executive.faults import FaultInjector, parse_fault
+from executive.faults import Fault, FaultInjector, parse_fault
 from executive.loop import Executive
 from executive.planning import FastDownwardPlanner
 from executive.policy import Settings
@@ -27,6 +28,7 @@ from executive.trace.report import Collector, Summary, write_summary
 from executive.types import Facts
 
 if TYPE_CHECKING:
+    from executive.s3e.estimator import S3E
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
@@ -97,25 +99,11 @@ class Run:
         self.world, self.truth = _stage(self.domain, config)
         self.folder = _make_folder(config, self.domain)
         self._collector = Collector()
-        recorders: list[Sink] = [EventLog(self.folder), self._collector]
-        if config.viewer:
-            from executive.trace.viewer import RerunSink
-
-            recorders.append(RerunSink(self.folder))
-        estimator, initial = _eye(self.domain, config, self.truth, seeing)
-        self.executive = Executive(
-            self.domain.task,
-            planner,
-            self.world,
-            load_skills(self.domain),
-            estimator,
-            sinks=(*recorders, *sinks),
-            settings=config.settings(),
-            faults=FaultInjector(injected, self.world, config.seed) if injected else None,
-            initial=initial,
-            domain=self.domain.name,
-            run=self.folder.name,
-        )
+        try:
+            self.executive = self._put_together(planner, injected, seeing, sinks)
+        except BaseException:  # Ctrl-C, too: a run that never began leaves no folder
+            shutil.rmtree(self.folder, ignore_errors=True)
+            raise
 
     def __enter__(self) -> Run:
         return self
@@ -137,6 +125,30 @@ class Run:
         summary = self._collector.summary(goal_true)
         write_summary(self.folder, summary)
         return summary
+
+    def _put_together(
+        self, planner: FastDownwardPlanner, injected: Sequence[Fault], seeing: S3E | None, sinks: Sequence[Sink]
+    ) -> Executive:
+        config = self.config
+        recorders: list[Sink] = [EventLog(self.folder), self._collector]
+        if config.viewer:
+            from executive.trace.viewer import RerunSink
+
+            recorders.append(RerunSink(self.folder))
+        estimator, initial = _eye(self.domain, config, self.truth, seeing)
+        return Executive(
+            self.domain.task,
+            planner,
+            self.world,
+            load_skills(self.domain),
+            estimator,
+            sinks=(*recorders, *sinks),
+            settings=config.settings(),
+            faults=FaultInjector(injected, self.world, config.seed) if injected else None,
+            initial=initial,
+            domain=self.domain.name,
+            run=self.folder.name,
+        )
 
 
 def run(config: RunConfig, sinks: Sequence[Sink] = ()) -> Summary:

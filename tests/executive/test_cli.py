@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import json
 import os
 import shlex
@@ -15,6 +16,7 @@ from typing import Any
 
 import pytest
 
+import executive.__main__ as module
 from executive import __version__, assemble, cli, machine
 from executive.domain import list_domains
 from executive.errors import DomainError, InputError, MissingError
@@ -341,10 +343,24 @@ def executive(*arguments: str, **options: Any) -> subprocess.CompletedProcess[st
 
 def test_the_module_is_the_command() -> None:
     (script,) = (point for point in entry_points(group="console_scripts", name="executive"))
-    assert script.load() is cli.main
+    assert script.load() is module.main
     run = executive("--version")
     assert (run.returncode, run.stdout, run.stderr) == (0, f"executive {__version__}\n", "")
     assert version("executive") == __version__
+
+
+def test_ctrl_c_while_it_loads_is_quiet(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = builtins.__import__
+
+    def interrupted(name: str, *rest: Any, **more: Any) -> Any:
+        if name == "executive.cli":
+            raise KeyboardInterrupt
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", interrupted)
+    with pytest.raises(SystemExit) as left:
+        module.main()
+    assert left.value.code == cli.INTERRUPTED
 
 
 def test_it_works_from_any_folder(tmp_path: Path) -> None:

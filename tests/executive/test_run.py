@@ -314,3 +314,13 @@ def test_wrong_configurations_say_what_is_valid(tmp_path: Path) -> None:
     assert callable(skill)
     with pytest.raises(InputError, match="there is a run of this name already"):
         Run(RunConfig("grocery", name="once", runs=tmp_path, viewer=False))
+
+
+def test_a_run_that_never_began_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("executive.assemble.load_skills", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        Run(RunConfig(str(GROCERY), problem="one-item", runs=tmp_path / "runs", viewer=False))
+    assert list((tmp_path / "runs").iterdir()) == []
