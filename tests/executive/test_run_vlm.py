@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import threading
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -37,6 +38,7 @@ class Judge:
         self.run: Run | None = None
         self.pictures: list[int] = []
         self.broken = False
+        self._alone = threading.Lock()
 
     def __call__(self, request: Request) -> Response:
         if not request.images:
@@ -46,7 +48,9 @@ class Judge:
             return completion({"Hm": 1.0})
         atoms = {text: atom for atom, text in estimator.questions.text.items()}
         atom = atoms[request.question]
-        return completion({"Yes": 0.9, "no": 0.1} if self.run.truth.of([atom])[atom] else {"yes": 0.1, "NO": 0.9})
+        with self._alone:  # questions come at the same time, and the simulator's state is no thing to share
+            truth = self.run.truth.of([atom])[atom]
+        return completion({"Yes": 0.9, "no": 0.1} if truth else {"yes": 0.1, "NO": 0.9})
 
 
 @pytest.fixture
