@@ -120,10 +120,12 @@ def printed(*command: str | Path, cwd: Path, **environment: str) -> str:
 @pytest.mark.timeout(1800)
 def test_a_fresh_clone_sets_itself_up_once(tmp_path: Path) -> None:
     clone = working_tree(tmp_path / "clone")
-    assert "Installing Python packages" in printed("make", "setup", cwd=clone, PYTHON=sys.executable)
+    assert "Installing Python packages" in printed(
+        "make", "--no-print-directory", "setup", cwd=clone, PYTHON=sys.executable
+    )
     printed(".venv/bin/python", "-m", "pip", "check", cwd=clone)
     assert "executive run grocery" in printed(".venv/bin/executive", "domains", cwd=clone)
-    assert printed("make", "setup", cwd=clone) == ""
+    assert printed("make", "--no-print-directory", "setup", cwd=clone) == ""
 
 
 @pytest.mark.slow
