@@ -110,6 +110,7 @@ One Parquet file an episode.
 | `atoms` | the truth of every atom: a struct with one bool an atom |
 | `surprises` | the atoms whose truth is not what the action's effects alone would have made it |
 | `joints` | the arm's joint positions, rad |
+| `qpos` | MuJoCo's positions of everything, from which the moment can be drawn anew |
 | `time` | simulated seconds since the reset |
 
 ```python

@@ -26,7 +26,7 @@ from executive.types import Atom, Facts, FloatArray, Image, SkillStatus
 if TYPE_CHECKING:
     import pyarrow as pa
 
-FORMAT = 1
+FORMAT = 2
 JPEG_QUALITY = 92
 MANIFEST, CARD, SHARDS = "dataset.json", "README.md", "data"
 
@@ -41,8 +41,8 @@ class Point:
     """One completed action and what was there after it.
 
     `seed` is the collection's, `episode` counts from 0 and `step` from 1 within the episode. `action` is the step that
-    was carried out, as text; `time` the simulated seconds since the reset; `joints` (6,) in rad; `images` camera ->
-    (H, W, 3) uint8; `facts` the truth of every atom of the task; `surprises` those atoms whose truth is not what the
+    was carried out, as text; `time` the simulated seconds since the reset; `joints` (6,) in rad; `qpos` (nq,) MuJoCo's
+    positions of everything, from which the moment can be drawn anew; `images` camera -> (H, W, 3) uint8; `facts` the truth of every atom of the task; `surprises` those atoms whose truth is not what the
     action's effects, and nothing else, would have made of the state before it.
     """
 
@@ -52,6 +52,7 @@ class Point:
     action: str
     time: float
     joints: FloatArray
+    qpos: FloatArray
     images: Mapping[str, Image]
     facts: Facts
     surprises: tuple[Atom, ...] = ()
@@ -125,6 +126,7 @@ def write_shard(
             "atoms": {str(atom): point.facts[atom] for atom in atoms},
             "surprises": [str(atom) for atom in point.surprises],
             "joints": point.joints.tolist(),
+            "qpos": point.qpos.tolist(),
             "time": point.time,
         }
         for point in points
@@ -216,7 +218,7 @@ def columns(folder: Path, episode: int, *names: str) -> list[dict[str, Any]]:
 
 
 def _points(folder: Path, manifest: Mapping[str, Any], cameras: Sequence[str]) -> Iterator[Point]:
-    names = ["seed", "episode", "step", "action", "time", "joints", "atoms", "surprises"]
+    names = ["seed", "episode", "step", "action", "time", "joints", "qpos", "atoms", "surprises"]
     for episode in range(manifest["statistics"]["episodes"]):
         try:
             rows = columns(folder, episode, *names, *(f"{IMAGE}{camera}" for camera in cameras))
@@ -234,6 +236,7 @@ def _point(row: Mapping[str, Any], cameras: Sequence[str]) -> Point:
         action=row["action"],
         time=row["time"],
         joints=np.array(row["joints"]),
+        qpos=np.array(row["qpos"]),
         images={camera: _decoded(row[f"{IMAGE}{camera}"]["bytes"]) for camera in cameras},
         facts=Facts({Atom.parse(atom): value for atom, value in row["atoms"].items()}),
         surprises=tuple(map(Atom.parse, row["surprises"])),
@@ -294,6 +297,7 @@ def _schema(atoms: Sequence[Atom], cameras: Sequence[str]) -> pa.Schema:
             ("atoms", pa.struct([(str(atom), pa.bool_()) for atom in atoms])),
             ("surprises", pa.list_(pa.string())),
             ("joints", pa.list_(pa.float64())),
+            ("qpos", pa.list_(pa.float64())),
             ("time", pa.float64()),
         ]
     )
@@ -306,6 +310,7 @@ def _schema(atoms: Sequence[Atom], cameras: Sequence[str]) -> pa.Schema:
         "atoms": {str(atom): _value("bool") for atom in atoms},
         "surprises": {"feature": _value("string"), "_type": "Sequence"},
         "joints": {"feature": _value("float64"), "_type": "Sequence"},
+        "qpos": {"feature": _value("float64"), "_type": "Sequence"},
         "time": _value("float64"),
     }
     return schema.with_metadata({b"huggingface": json.dumps({"info": {"features": features}}).encode()})

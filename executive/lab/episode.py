@@ -158,6 +158,7 @@ class Collector:
             action=str(step),
             time=look.time,
             joints=look.joints,
+            qpos=world.data.qpos.copy(),
             images=look.images,
             facts=facts,
             surprises=tuple(atom for atom, value in facts.items() if expected[atom] is not value),

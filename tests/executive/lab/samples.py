@@ -31,6 +31,7 @@ def point(episode: int, step: int, held: bool) -> Point:
         action="pick(lemon,table)" if held else "place(lemon,table)",
         time=1.5 * step,
         joints=np.linspace(-1.0, 1.0, 6),
+        qpos=np.linspace(0.0, 1.0, 54),
         images={camera: picture(10 * step + index) for index, camera in enumerate(CAMERAS)},
         facts=Facts(dict(zip(ATOMS, (not held, held, not held), strict=True))),
         surprises=(ATOMS[0],) if step == 2 else (),
