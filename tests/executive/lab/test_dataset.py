@@ -126,7 +126,7 @@ def test_what_is_not_finished_is_not_read(tmp_path: Path) -> None:
         ("{", "cannot be read"),
         ("[]", "cannot be read"),
         ('{"format": 99}', "is of format 99"),
-        ('{"format": 1}', "lacks atoms"),
+        (f'{{"format": {dataset.FORMAT}}}', "lacks atoms"),
     ],
 )
 def test_a_manifest_that_is_none_is_named(tmp_path: Path, text: str | None, message: str) -> None:
