@@ -61,7 +61,7 @@ class MujocoWorld:
         home_pose: bool = True,
     ) -> None:
         self.spec: SceneSpec = read_scene(file).restricted_to(objects, file)
-        self.model = _compiled(self.spec, file)
+        self.model = compiled(self.spec, file)
         self.data = mujoco.MjData(self.model)
         self.shapes = scene.item_shapes(self.model, self.spec)
         self._placement_rng, self._noise_rng = (
@@ -348,7 +348,7 @@ class MujocoWorld:
         return nearest_item if distance[nearest_item] < 0.03 else None
 
 
-def _compiled(spec: SceneSpec, file: Path) -> mujoco.MjModel:
+def compiled(spec: SceneSpec, file: Path) -> mujoco.MjModel:
     """The scene's model.
 
     Raises:
