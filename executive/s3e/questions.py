@@ -71,9 +71,24 @@ class Templates:
                 raise DomainError(f"expected a table, got {table!r}", file=file, key=name)
         if "questions" not in tables:
             raise DomainError("is missing: the table with one question per predicate", file=file, key="questions")
-        templates = cls(tables["questions"], tables.get("objects", {}), file)
-        templates._check_texts()
-        return templates
+        return cls(tables["questions"], tables.get("objects", {}), file).checked()
+
+    def checked(self) -> Templates:
+        """These templates, every text of which is one that can be asked.
+
+        Raises:
+            DomainError: the first mistake that can be seen without a task.
+        """
+        for table, texts in (("questions", self.predicates), ("objects", self.objects)):
+            for name, text in texts.items():
+                self._check_text(table, name, text)
+        for predicate, template in self.predicates.items():
+            if not template.rstrip().endswith("?"):
+                self._fail("questions", predicate, f"{template!r} does not end with a question mark")
+            for place in self._places(predicate):
+                if not place:
+                    self._fail("questions", predicate, "{} names no parameter: write {1} for the first one")
+        return self
 
     def names(self, task: Task) -> dict[str, str]:
         """What each object of the task is called in a question.
@@ -118,23 +133,15 @@ class Templates:
     def _fail(self, table: str, name: str, message: str) -> NoReturn:
         raise DomainError(message, file=self.file, key=f"{table}.{name}")
 
-    def _check_texts(self) -> None:
-        for table, texts in (("questions", self.predicates), ("objects", self.objects)):
-            for name, text in texts.items():
-                if not isinstance(text, str):
-                    self._fail(table, name, f"expected a text, got {text!r}")
-                if not text.strip():
-                    self._fail(table, name, "is empty")
-                if not text.isprintable():
-                    self._fail(table, name, "expected one line of printable text")
-                if len(text) > LONGEST:
-                    self._fail(table, name, f"has {len(text)} characters, and may have {LONGEST}")
-        for predicate, template in self.predicates.items():
-            if not template.rstrip().endswith("?"):
-                self._fail("questions", predicate, f"{template!r} does not end with a question mark")
-            for place in self._places(predicate):
-                if not place:
-                    self._fail("questions", predicate, "{} names no parameter: write {1} for the first one")
+    def _check_text(self, table: str, name: str, text: object) -> None:
+        if not isinstance(text, str):
+            self._fail(table, name, f"expected a text, got {text!r}")
+        if not text.strip():
+            self._fail(table, name, "is empty")
+        if not text.isprintable():
+            self._fail(table, name, "expected one line of printable text")
+        if len(text) > LONGEST:
+            self._fail(table, name, f"has {len(text)} characters, and may have {LONGEST}")
 
     def _places(self, predicate: str) -> list[str]:
         """The placeholders of a template, in order."""
