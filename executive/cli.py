@@ -24,7 +24,7 @@ from typing import Annotated
 import typer
 
 from executive import __version__
-from executive.errors import ExecutiveError, InputError
+from executive.errors import ExecutiveError, InputError, MissingError
 from executive.types import OutcomeKind
 
 REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
@@ -338,3 +338,21 @@ def domains() -> None:
         print(f"    executive run {name}    # {domain.task.problem}")
         for problem in sorted((domain.folder / "problems").glob("*.pddl")):
             print(f"    executive run {name} --problem {problem.stem}")
+
+
+@app.command()
+def doctor(
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print it as a block for a bug report.")] = False,
+) -> int:
+    """Say what this machine has and lacks, each with the command that mends it."""
+    from executive import doctor as examination
+
+    if as_json and markdown:
+        raise InputError("is one way to print it, --json is another", key="--markdown")
+    if as_json or markdown:
+        findings = list(examination.examine())
+        print(json.dumps(examination.as_json(findings), indent=2) if as_json else examination.as_markdown(findings))
+    else:
+        findings = examination.tell(examination.examine(), sys.stdout)
+    return REACHED if examination.ready(findings) else MissingError.exit_code

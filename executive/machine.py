@@ -168,6 +168,24 @@ def egl_trouble() -> str | None:
     return "EGL (no graphics driver, not even Mesa's software one)"
 
 
+def cuda_devices() -> list[str]:
+    """The names of the CUDA devices that the driver knows, whatever torch makes of them."""
+    try:
+        driver = ctypes.CDLL("libcuda.so.1")
+    except OSError:
+        return []
+    count = ctypes.c_int()
+    if driver.cuInit(0) != 0 or driver.cuDeviceGetCount(ctypes.byref(count)) != 0:
+        return []
+    names = []
+    for index in range(count.value):
+        device, name = ctypes.c_int(), ctypes.create_string_buffer(256)
+        if driver.cuDeviceGet(ctypes.byref(device), index) == 0:
+            driver.cuDeviceGetName(name, len(name), device)
+            names.append(name.value.decode(errors="replace"))
+    return names
+
+
 def _function(egl: ctypes.CDLL, name: bytes, result: type, *arguments: type) -> Callable[..., int] | None:
     """An extension function of EGL, or None where the library does not have it."""
     address = egl.eglGetProcAddress(name)
