@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from executive.errors import InputError, nearest
-from executive.trace.pictures import to_jpeg
+from executive.trace.pictures import from_jpeg, to_jpeg
 from executive.types import Atom, Facts, FloatArray, Image, SkillStatus
 
 if TYPE_CHECKING:
@@ -42,8 +42,9 @@ class Point:
 
     `seed` is the collection's, `episode` counts from 0 and `step` from 1 within the episode. `action` is the step that
     was carried out, as text; `time` the simulated seconds since the reset; `joints` (6,) in rad; `qpos` (nq,) MuJoCo's
-    positions of everything, from which the moment can be drawn anew; `images` camera -> (H, W, 3) uint8; `facts` the truth of every atom of the task; `surprises` those atoms whose truth is not what the
-    action's effects, and nothing else, would have made of the state before it.
+    positions of everything, from which the moment can be drawn anew; `images` camera -> (H, W, 3) uint8; `facts` the
+    truth of every atom of the task; `surprises` those atoms whose truth is not what the action's effects, and nothing
+    else, would have made of the state before it.
     """
 
     seed: int
@@ -237,17 +238,10 @@ def _point(row: Mapping[str, Any], cameras: Sequence[str]) -> Point:
         time=row["time"],
         joints=np.array(row["joints"]),
         qpos=np.array(row["qpos"]),
-        images={camera: _decoded(row[f"{IMAGE}{camera}"]["bytes"]) for camera in cameras},
+        images={camera: from_jpeg(row[f"{IMAGE}{camera}"]["bytes"]) for camera in cameras},
         facts=Facts({Atom.parse(atom): value for atom, value in row["atoms"].items()}),
         surprises=tuple(map(Atom.parse, row["surprises"])),
     )
-
-
-def _decoded(jpeg: bytes) -> Image:
-    from PIL import Image as Picture
-
-    with Picture.open(io.BytesIO(jpeg)) as picture:
-        return np.asarray(picture.convert("RGB"))
 
 
 def _table(path: Path, names: Sequence[str] | None = None) -> pa.Table:

@@ -1,10 +1,10 @@
 """How good answers are: the paper's metrics of multi-label classification (Section 6.2), and how well they are meant.
 
 The labels are the ground atoms (Section 1: "the set of grounded predicates"). So the macro average of the average
-precision is over ATOMS, not over predicates: robot-gripping(lemon) counts as much as on-table(lemon,wood-table), however
-rarely either is true. (Section 6.2 says that it emphasizes the gripping predicates, Appendix C that it treats rare and
-frequent labels equally; both hold for a mean over atoms.) The micro average pools all answers. An atom that is never
-true in the data has no average precision, and is left out of the macro average.
+precision is over ATOMS, not over predicates: robot-gripping(lemon) counts as much as on-table(lemon,wood-table),
+however rarely either is true. (Section 6.2 says that it emphasizes the gripping predicates, Appendix C that it treats
+rare and frequent labels equally; both hold for a mean over atoms.) The micro average pools all answers. An atom that is
+never true in the data has no average precision, and is left out of the macro average.
 
 An unanswered atom is right at no threshold. Where answers are ranked it comes last: nobody has claimed it.
 """

@@ -20,6 +20,14 @@ def to_jpeg(image: Image, quality: int = 90) -> bytes:
     return buffer.getvalue()
 
 
+def from_jpeg(data: bytes) -> Image:
+    """The picture in a JPEG, (H, W, 3) uint8 RGB."""
+    from PIL import Image as Picture
+
+    with Picture.open(io.BytesIO(data)) as picture:
+        return np.asarray(picture.convert("RGB"))
+
+
 def read_picture(path: Path) -> Image:
     """The picture in a file, (H, W, 3) uint8 RGB.
 
