@@ -7,6 +7,7 @@ packages register under the entry-point groups `executive.skills` and `executive
 
 from __future__ import annotations
 
+import hashlib
 import re
 import reprlib
 import stat
@@ -74,6 +75,13 @@ class Domain:
     relations: Mapping[str, str]
     subject: Subject
     files: tuple[Path, ...]
+
+    def fingerprint(self) -> str:
+        """SHA-256 over the contents of all its files."""
+        content = hashlib.sha256()
+        for file in self.files:
+            content.update(hashlib.sha256(file.read_bytes()).digest())
+        return content.hexdigest()
 
 
 class _Table(BaseModel):

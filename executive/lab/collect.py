@@ -21,13 +21,14 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 
 from executive.domain import Domain, load_domain
 from executive.errors import ExecutiveError, InputError
 from executive.lab import card, dataset
 from executive.lab.dataset import Log
 from executive.lab.episode import MOST_FAILURES, MOST_POINTS, Collector
+from executive.lab.progress import Progress
 from executive.lab.worker import Pool
 from executive.sim.spec import read_scene
 
@@ -87,15 +88,6 @@ class CollectConfig:
         if self.slips != SLIPS:
             words += ["--slips", repr(self.slips)]
         return shlex.join(words)
-
-
-class Progress(NamedTuple):
-    """How far a collection is: points of all that were asked for, of which `new` were made in `seconds`."""
-
-    points: int
-    wanted: int
-    new: int
-    seconds: float
 
 
 class Collection:
@@ -299,13 +291,10 @@ def collector(config: CollectConfig) -> Collector:
 
 def _described(config: CollectConfig, domain: Domain) -> dict[str, Any]:
     """Everything that decides what the points are, but how many."""
-    content = hashlib.sha256()
-    for file in domain.files:
-        content.update(hashlib.sha256(file.read_bytes()).digest())
     return {
         "domain": domain.name,
         "problem": domain.task.problem,
-        "files": content.hexdigest(),
+        "files": domain.fingerprint(),
         "seed": config.seed,
         "home_pose": config.home_pose,
         "grasp_noise": config.grasp_noise,

@@ -58,7 +58,7 @@ class Answers:
     @property
     def unanswered(self) -> BoolArray:
         """(looks, atoms)."""
-        return np.isnan(self.probability)
+        return np.asarray(np.isnan(self.probability))
 
     @property
     def predicates(self) -> tuple[str, ...]:
@@ -76,7 +76,7 @@ class Answers:
 
     def right(self, threshold: float) -> BoolArray:
         """Whether each atom (looks, atoms) is taken for what it is, where P(true) >= `threshold` is taken for true."""
-        return ~self.unanswered & ((self.probability >= threshold) == self.truth)
+        return np.asarray(~self.unanswered & ((self.probability >= threshold) == self.truth))
 
     def pairs(self) -> list[tuple[float, bool]]:
         """Each answer with its label, for `executive.s3e.reliability`."""
@@ -132,7 +132,7 @@ def scores(answers: Answers) -> Scores:
         accuracy=MappingProxyType({threshold: _mean(answers.right(threshold)) for threshold in THRESHOLDS}),
         ap_micro=average_precision(answers),
         ap_macro=math.fsum(known) / len(known) if known else None,
-        exact_state=_mean(right.all(axis=1)),
+        exact_state=_mean(np.asarray(right.all(axis=1))),
         ece=expected_calibration_error(answers.pairs()) if answered.any() else None,
         brier=_mean(error**2),
         asked=right.size,
@@ -165,7 +165,7 @@ def curve(answers: Answers) -> tuple[FloatArray, FloatArray]:
 
 def never_true(answers: Answers) -> Collection[Atom]:
     """The atoms that have no average precision."""
-    return [atom for atom, there in zip(answers.atoms, answers.truth.any(axis=0), strict=True) if not there]
+    return [atom for column, atom in enumerate(answers.atoms) if not answers.truth[:, column].any()]
 
 
 def _ranked(answers: Answers) -> FloatArray:

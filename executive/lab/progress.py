@@ -1,31 +1,40 @@
-"""How far a collection is: a bar on a terminal, a line now and then elsewhere."""
+"""How far long work is: a bar on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, TextIO
-
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
-from rich.progress import Progress as Bar
-
-from executive.lab.collect import Progress
-from executive.trace.console import console_for, is_live
+from typing import Any, NamedTuple, TextIO
 
 _EVERY = 30.0
 """Seconds between two lines where there is no terminal."""
 
 
+class Progress(NamedTuple):
+    """How far a collection or an evaluation is: points of all that were asked for, of which `new` were made in
+    `seconds`."""
+
+    points: int
+    wanted: int
+    new: int
+    seconds: float
+
+
 @contextmanager
-def told(stream: TextIO) -> Iterator[Callable[[Progress], None]]:
-    """What `Collection.run` is to be watched with."""
+def told(stream: TextIO, unit: str = "points") -> Iterator[Callable[[Progress], None]]:
+    """What long work is to be watched with; `unit` is what its points are called."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    from executive.trace.console import console_for, is_live
+
     console = console_for(stream)
     if not is_live(console):
-        yield _lines(stream)
+        yield _lines(stream, unit)
         return
-    columns = (TextColumn("points"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[estimate]}"))
+    columns = (TextColumn(unit), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[estimate]}"))
     with Bar(*columns, console=console) as bar:
-        task = bar.add_task("points", total=None, estimate="")
+        task = bar.add_task(unit, total=None, estimate="")
         yield lambda now: bar.update(task, completed=now.points, total=now.wanted, estimate=estimate(now))
 
 
@@ -50,13 +59,13 @@ def summary(manifest: Mapping[str, Any], folder: object) -> str:
     return "\n".join(lines)
 
 
-def _lines(stream: TextIO) -> Callable[[Progress], None]:
+def _lines(stream: TextIO, unit: str) -> Callable[[Progress], None]:
     spoken, full = -_EVERY, False
 
     def tell(now: Progress) -> None:
         nonlocal spoken, full
         if now.seconds - spoken >= _EVERY or (now.points == now.wanted and not full):
             spoken, full = now.seconds, now.points == now.wanted
-            print(f"{now.points} of {now.wanted} points  {estimate(now)}".rstrip(), file=stream, flush=True)
+            print(f"{now.points} of {now.wanted} {unit}  {estimate(now)}".rstrip(), file=stream, flush=True)
 
     return tell

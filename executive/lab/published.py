@@ -36,7 +36,8 @@ HEADS = {
 }
 """What may be tabled, and what its column is called."""
 
-UNTRANSLATED = " (no trans)"
+UNTRANSLATED = "(no trans"
+"""In the name of a row that was asked without translation."""
 
 
 class _Strict(BaseModel):

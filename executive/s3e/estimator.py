@@ -79,7 +79,7 @@ class S3E:
         if not 0.0 <= least_mass <= 1.0:
             raise ValueError(f"least_mass: expected a share of 1, got {least_mass}")
         self.backend, self.questions, self.views, self.least_mass = backend, questions, Views(views), least_mass
-        self._cameras, self._calibrate = None if cameras is None else tuple(cameras), calibrate
+        self.cameras, self._calibrate = None if cameras is None else tuple(cameras), calibrate
         self._observation: Observation | None = None
         self._looks: dict[tuple[str, ...], Look] = {}
 
@@ -118,16 +118,16 @@ class S3E:
 
     def _groups(self, observation: Observation) -> list[tuple[str, ...]]:
         """The cameras that are shown together. One that has no picture is left out."""
-        chosen = tuple(observation.images) if self._cameras is None else self._cameras
+        chosen = tuple(observation.images) if self.cameras is None else self.cameras
         cameras = tuple(camera for camera in chosen if camera in observation.images)
         if self.views is Views.AVERAGED:
             return [(camera,) for camera in cameras]
         return [cameras] if cameras else []
 
     def _no_picture(self, observation: Observation) -> str:
-        if not self._cameras:
+        if not self.cameras:
             return "there is no picture"
-        return f"no picture from {', '.join(self._cameras)}; {nearest(self._cameras[0], observation.images)}"
+        return f"no picture from {', '.join(self.cameras)}; {nearest(self.cameras[0], observation.images)}"
 
     def _answers(self, observation: Observation, cameras: tuple[str, ...], atoms: Sequence[Atom]) -> dict[Atom, Answer]:
         """An answer for each atom, whatever happens."""
