@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -73,8 +73,8 @@ class World(Protocol):
         """What skills drive. Its type is a matter between this world and the skills made for it."""
         ...
 
-    def observe(self, cause: str = "") -> Observation:
-        """Take a look: every camera, and the joints."""
+    def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
+        """Take a look: every camera, or those named that there are, and the joints."""
         ...
 
     def snapshot(self) -> bytes:
@@ -110,13 +110,16 @@ class SkillContext:
 
     `handle` is `World.handle`; `rng` is the skill's own seeded generator (fresh for each dispatch); `announce` puts a
     phase or a motion into the trace; `cancelled` is to be asked often, and answered with the status CANCELLED once the
-    robot stands still.
+    robot stands still. `lost` is to be asked as often while something is carried: it says why what is carried is taken
+    to be lost by those who look on, and nothing as long as it is not; the answer is the status DROPPED by the sense
+    SEEN, with the hand left as it is, for they may be mistaken.
     """
 
     handle: Any
     rng: np.random.Generator
     announce: Callable[[Phase | Motion], None]
     cancelled: Callable[[], bool]
+    lost: Callable[[], str] = str
 
 
 @runtime_checkable

@@ -341,16 +341,25 @@ class SkillStatus(StrEnum):
     CRASHED = "crashed"
 
 
+class Sense(StrEnum):
+    """By what the robot knows whether it still holds what it carries."""
+
+    FELT = "felt"  # the gripper's width, the joints
+    SEEN = "seen"  # the pictures that the guard took meanwhile
+
+
 @dataclass(frozen=True, slots=True)
 class SkillResult:
     """What a skill says of itself. `seconds` is the world's time that it took, `planned_seconds` what it would have
-    taken to the end as far as it was planned (larger than `seconds` when it ended early)."""
+    taken to the end as far as it was planned (larger than `seconds` when it ended early). `sense` is by what a skill
+    that ended because of a drop came to know of it."""
 
     step: Step
     status: SkillStatus
     reason: str = ""
     seconds: float = 0.0
     planned_seconds: float = 0.0
+    sense: Sense | None = None
 
     @property
     def done(self) -> bool:
@@ -376,13 +385,32 @@ class OutcomeKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Ground:
+    """One atom that spoke for a decision, as it stood then: what was expected of it (None: nothing), what it was taken
+    for (None: it cannot be told), its probability where there was one, and the last look that was asked about it, with
+    the cameras whose pictures that look took (-1 and none: no look was)."""
+
+    atom: Atom
+    expected: bool | None
+    believed: bool | None
+    probability: float | None
+    observation_id: int = -1
+    cameras: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Decision:
-    """What to do next, why, and the atoms that spoke for it. A decision to stop carries the outcome."""
+    """What to do next, why, and the atoms that spoke for it. A decision to stop carries the outcome.
+
+    `grounds` say of each atom in `evidence` what it rested on, and `report` is what the skill said, if it was asked.
+    """
 
     kind: DecisionKind
     reason: str
     evidence: tuple[Atom, ...] = ()
     outcome: OutcomeKind | None = None
+    grounds: tuple[Ground, ...] = ()
+    report: SkillResult | None = None
 
     def __post_init__(self) -> None:
         if (self.kind is DecisionKind.STOP) != (self.outcome is not None):
@@ -510,9 +538,113 @@ class Revised:
     changed: Facts
 
 
+class LookKind(StrEnum):
+    """How far a look went."""
+
+    FULL = "full"  # about every atom
+    FOCUSED = "focused"  # about what matters, as many atoms as a look may have
+    CLOSER = "closer"  # about what is in doubt, through the cameras that show it best
+    MOVED = "moved"  # the same with the arm brought out of the way
+    GUARD = "guard"  # about what is carried, while it is carried
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """What one look took: how many questions, of how many atoms that there are, about pictures of which cameras."""
+
+    observation_id: int
+    kind: LookKind
+    questions: int
+    atoms: int
+    cameras: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """The arm was brought out of the way for a better look, or was to be: by which skill, how that ended, and how long
+    it took in the world's seconds."""
+
+    move: str
+    status: SkillStatus
+    reason: str = ""
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Guarded:
+    """While something was carried, a look asked whether it is still held: `held` is the answer (None: no answer).
+    `lost` says whether the skill is told to end, which takes more than one answer."""
+
+    atom: Atom
+    held: bool | None
+    lost: bool
+    observation_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class Blinded:
+    """A camera's picture tells nothing and is left out of the look: it is black, or has frozen."""
+
+    camera: str
+    reason: str
+    observation_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """Answers of one look that cannot all be so, and what is made of them.
+
+    `answers` are those of one group's atoms that clash: of a group of which at most one atom can be true, all that the
+    look calls true; of one that cannot all be false (`exact`), and of which the look calls none true, all of them.
+    `resolved` are the same atoms' probabilities once groups and memory have spoken.
+    """
+
+    answers: Mapping[Atom, float]
+    resolved: Mapping[Atom, float]
+    exact: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Overruled:
+    """An answer of the last look that is not what is believed: the look says `answered` (with the probability
+    `answer`), groups, memory or earlier looks of the same moment make it `believed` (None: cannot tell), with
+    `probability`."""
+
+    atom: Atom
+    answered: bool
+    answer: float
+    believed: bool | None
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """An atom that no look since the last action could tell: its last known value, how many cycles ago that was seen,
+    and how probable the atom is by now."""
+
+    value: bool
+    age: int
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What is made of the looks since the last action, the last one included (see `executive.monitor.seam.Judgement`):
+    the probability of every atom, and the truth of those that these looks tell."""
+
+    observation_id: int
+    probability: Mapping[Atom, float]
+    seen: Facts
+    contradictions: tuple[Contradiction, ...] = ()
+    overruled: tuple[Overruled, ...] = ()
+    remembered: Mapping[Atom, Remembered] = field(default_factory=dict)
+    came_about: float | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Wall seconds that the loop spent in one stage: `observe`, `estimate`, `plan` or `skill`, sinks not counted."""
+    """Wall seconds that the loop spent in one stage, sinks not counted: `observe`, `estimate`, `plan` or `skill`; of
+    the last, `guard` is the part that was spent on looking meanwhile."""
 
     stage: str
     seconds: float
@@ -520,7 +652,8 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The run is over. `goal_seen` is the executive's own claim; nobody but the scorer knows better."""
+    """The run is over. `goal_seen` is the executive's own claim; nobody but the scorer knows better. `looks` are those
+    that decisions were made on; what the guard took while something was carried comes beside them."""
 
     outcome: OutcomeKind
     reason: str
@@ -549,6 +682,11 @@ Payload: TypeAlias = (
     | Compared
     | Decision
     | Revised
+    | Looked
+    | Judged
+    | Moved
+    | Guarded
+    | Blinded
     | Timing
     | Ended
 )

@@ -10,7 +10,7 @@ import numpy as np
 from executive.errors import InputError
 from executive.protocols import SkillContext
 from executive.sim.handle import Handle
-from executive.types import FloatArray, Motion, Phase, SkillResult, SkillStatus, Step
+from executive.types import FloatArray, Motion, Phase, Sense, SkillResult, SkillStatus, Step
 from skills import poses, trajectory
 from skills.collision import CollisionModel, Held
 from skills.ik import Kinematics
@@ -43,11 +43,12 @@ _BRAKE_SECONDS = 0.25
 
 
 class SkillError(Exception):
-    """Ends a skill early with a status and a reason. Raised and caught inside this package alone."""
+    """Ends a skill early with a status and a reason; a drop also by what it was noticed. Raised and caught inside this
+    package alone."""
 
-    def __init__(self, status: SkillStatus, reason: str) -> None:
+    def __init__(self, status: SkillStatus, reason: str, sense: Sense | None = None) -> None:
         super().__init__(reason)
-        self.status, self.reason = status, reason
+        self.status, self.reason, self.sense = status, reason, sense
 
 
 class Arm:
@@ -82,6 +83,7 @@ class Attempt:
         self._ahead = 0.0
         self._last_plan: Path | None = None
         self._grip_width = self.body.gripper_width() if self.holding else None
+        self._heard = False
 
     def item_and_table(self) -> tuple[str, str]:
         """What the step names.
@@ -201,9 +203,9 @@ class Attempt:
         if failure is not None:
             raise failure
 
-    def result(self, status: SkillStatus, reason: str = "") -> SkillResult:
+    def result(self, status: SkillStatus, reason: str = "", sense: Sense | None = None) -> SkillResult:
         seconds = self.body.time - self._began
-        return SkillResult(self.step, status, reason, seconds, seconds + self._ahead)
+        return SkillResult(self.step, status, reason, seconds, seconds + self._ahead, sense)
 
     def heed(self) -> None:
         """The place to stop at, at rest, when the run is cancelled.
@@ -219,7 +221,10 @@ class Attempt:
             return SkillError(SkillStatus.CANCELLED, "cancelled")
         if self._grip_width is not None and abs(self.body.gripper_width() - self._grip_width) > _SLACK:
             self._grip_width = None
-            return SkillError(SkillStatus.DROPPED, "the fingers no longer feel what they gripped")
+            return SkillError(SkillStatus.DROPPED, "the fingers no longer feel what they gripped", Sense.FELT)
+        if self._grip_width is not None and not self._heard and (why := self.context.lost()):
+            self._heard = True  # said once; on the way home it is known
+            return SkillError(SkillStatus.DROPPED, why, Sense.SEEN)
         return None
 
     def _blocked(self, commanded: FloatArray) -> SkillError | None:
@@ -257,15 +262,15 @@ def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) 
     except SkillError as failure:
         reason = failure.reason
         if failure.status is not SkillStatus.CANCELLED:
-            if failure.status is SkillStatus.DROPPED:
-                attempt.open_gripper()  # for all to see
+            if failure.sense is Sense.FELT:
+                attempt.open_gripper()  # for all to see; who looks on may be mistaken, and let fall what is held
             attempt.wait(0.4)  # let what fell come to rest
             if attempt.handle.home_pose:
                 try:
                     go_home(attempt)
                 except SkillError as second:
                     reason = f"{reason}; then, on the way home: {second.reason}"
-        return attempt.result(failure.status, reason)
+        return attempt.result(failure.status, reason, failure.sense)
     return attempt.result(SkillStatus.DONE)
 
 

@@ -95,6 +95,17 @@ class CollisionModel:
         }
         return frozenset(names & self._items.keys()) - {self._held.item}
 
+    def hides(self, q: FloatArray, eyes: FloatArray, points: FloatArray) -> int:
+        """How many of the straight lines from `eyes` (M, 3) to `points` (N, 3) the arm, its hand or what that holds
+        stands in, at `q`: the nearest thing on the line is one of them, and nearer than the point."""
+        self._place(q)
+        mine, hit, count = _ARM | _HAND | _HELD, np.array([-1], dtype=np.int32), 0
+        for eye in eyes:
+            for point in points:
+                away = mujoco.mj_ray(self._model, self._data, eye, point - eye, None, 1, -1, hit)
+                count += bool(0.0 <= away < 1.0 and self._model.geom_contype[hit[0]] & mine)
+        return count
+
     def touching(self, q: FloatArray) -> list[tuple[str, str]]:
         """The pairs of bodies that touch at `q`: for messages and for tests."""
         self._place(q)

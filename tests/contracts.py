@@ -22,7 +22,9 @@ from executive.protocols import Estimator, Planner, Sink, Skill, SkillContext, W
 from executive.types import (
     Atom,
     Belief,
+    Blinded,
     Compared,
+    Contradiction,
     Decision,
     DecisionKind,
     Dispatched,
@@ -32,17 +34,26 @@ from executive.types import (
     Facts,
     FaultInjected,
     Frame,
+    Ground,
+    Guarded,
+    Judged,
+    Looked,
+    LookKind,
     Motion,
+    Moved,
     NoPlan,
     NoPlanReason,
     Observation,
     OutcomeKind,
+    Overruled,
     Payload,
     Phase,
     Plan,
     Questions,
+    Remembered,
     Revised,
     Scenery,
+    Sense,
     SkillResult,
     SkillStatus,
     Started,
@@ -52,7 +63,7 @@ from executive.types import (
     Verdict,
 )
 
-PHASES = frozenset({"plan", "approach", "grip", "lift", "transfer", "lower", "release", "retreat", "home"})
+PHASES = frozenset({"plan", "approach", "grip", "lift", "transfer", "lower", "release", "retreat", "home", "aside"})
 """What the phases of picking and placing are called; faults and viewers go by these names."""
 
 
@@ -163,6 +174,15 @@ class WorldContract(ABC):
         assert first.images.keys() == second.images.keys()
         for camera, image in first.images.items():
             assert np.array_equal(image, second.images[camera])
+
+    def test_a_look_through_some_cameras_shows_their_pictures_alone(self) -> None:
+        world = self.make()
+        all_of_them = world.observe().images
+        for camera, image in all_of_them.items():
+            alone = world.observe("closer", [camera, "no such camera"]).images
+            assert list(alone) == [camera]
+            assert np.array_equal(alone[camera], image)
+        assert not world.observe("with eyes shut", ()).images
 
     def test_a_restored_state_goes_on_as_if_nothing_had_happened(self) -> None:
         world = self.make()
@@ -283,6 +303,17 @@ EVERY_PAYLOAD: tuple[Payload, ...] = (
     Scenery(),
     Observation(0, 0.0, {"front": np.zeros((24, 32, 3), np.uint8)}, np.zeros(6), "first look"),
     Belief(0, {_ATOM: 0.75}, frozenset({Atom("free")}), "scripted", {_ATOM: (Evidence(("front",), 0.6, 0.2),)}),
+    Blinded("front", "its picture is black", 0),
+    Looked(0, LookKind.FULL, 2, 2, ("front",)),
+    Judged(
+        0,
+        {_ATOM: 0.9, Atom("free"): 0.1},
+        _FACTS,
+        (Contradiction({_ATOM: 0.75, Atom("free"): 0.6}, {_ATOM: 0.9, Atom("free"): 0.1}),),
+        (Overruled(Atom("free"), True, 0.6, False, 0.1),),
+        {Atom("held", ("a",)): Remembered(False, 2, 0.05)},
+        0.5,
+    ),
     NoPlan(NoPlanReason.TIMED_OUT, "after 30 s", "fake", 30.0),
     Plan((_STEP,), 1.0, "fake", 0.1),
     Compared("preconditions", _FACTS, Verdict(holds=frozenset({_ATOM})), 0),
@@ -291,9 +322,13 @@ EVERY_PAYLOAD: tuple[Payload, ...] = (
     Motion(np.zeros((4, 6)), np.zeros((4, 3)), 2.5, "RRT*", 0.2, 1.5),
     Frame({"a": np.array([0.0, 0, 0, 1, 0, 0, 0])}, np.zeros(6), 0.05),
     FaultInjected("drop", "drop@1", 1, "the gripper opened"),
-    SkillResult(_STEP, SkillStatus.DROPPED, "nothing is held", 2.0, 5.0),
+    Guarded(_ATOM, False, True, 1),
+    SkillResult(_STEP, SkillStatus.DROPPED, "nothing is held", 2.0, 5.0, Sense.SEEN),
     Timing("skill", 0.3),
-    Decision(DecisionKind.REPLAN, "it is elsewhere", (_ATOM,)),
+    Moved("home", SkillStatus.DONE, "", 1.5),
+    Decision(
+        DecisionKind.REPLAN, "it is elsewhere", (_ATOM,), grounds=(Ground(_ATOM, True, False, 0.1, 0, ("front",)),)
+    ),
     Revised(_FACTS, _FACTS),
     Decision(DecisionKind.STOP, "enough", (), OutcomeKind.GAVE_UP),
     Ended(OutcomeKind.GAVE_UP, "enough", False, ("at(a,p)",), 1, 1, 0, 1),

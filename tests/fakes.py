@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -26,6 +26,7 @@ from executive.types import (
     Event,
     Facts,
     Frame,
+    Image,
     NoPlan,
     NoPlanReason,
     Observation,
@@ -131,6 +132,7 @@ class FakeWorld:
         self.now = 0.0
         self.missing = False  # the next grasp closes beside its thing
         self.past: dict[int, dict[str, str]] = {}  # what each observation could have shown
+        self.cameras: dict[str, Callable[[FakeWorld], Image]] = {}
         self._scheduled: list[tuple[float, Callable[[], None]]] = []
         self._listener: Callable[[Frame], None] | None = None
 
@@ -146,10 +148,11 @@ class FakeWorld:
     def held(self) -> str | None:
         return next((thing for thing, place in sorted(self.where.items()) if place == "hand"), None)
 
-    def observe(self, cause: str = "") -> Observation:
+    def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
         number = len(self.past)
         self.past[number] = dict(self.where)
-        return Observation(number, self.now, {}, np.zeros(1), cause)
+        images = {name: draw(self) for name, draw in self.cameras.items() if cameras is None or name in cameras}
+        return Observation(number, self.now, images, np.zeros(1), cause)
 
     def snapshot(self) -> bytes:
         return json.dumps([self.where, self.now, self.missing]).encode()

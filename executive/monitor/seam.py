@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Protocol, TypeAlias
 
-from executive.types import Atom, Belief, Facts, SkillResult, Step
+from executive.types import Atom, Belief, Contradiction, Facts, Overruled, Remembered, SkillResult, Step
 
 Memory: TypeAlias = Any
 """What a monitor keeps of a run; each monitor has its own kind. To be handed back unread."""
@@ -36,43 +36,6 @@ class Thresholds:
         if probability >= self.high:
             return True
         return False if probability < self.low else None
-
-
-@dataclass(frozen=True, slots=True)
-class Contradiction:
-    """Answers of one look that cannot all be so, and what is made of them.
-
-    `answers` are those of one group's atoms that clash: of a group of which at most one atom can be true, all that the
-    look calls true; of one that cannot all be false (`exact`), and of which the look calls none true, all of them.
-    `resolved` are the same atoms' probabilities once groups and memory have spoken.
-    """
-
-    answers: Mapping[Atom, float]
-    resolved: Mapping[Atom, float]
-    exact: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Overruled:
-    """An answer of the last look that is not what is believed: the look says `answered` (with the probability
-    `answer`), groups, memory or earlier looks of the same moment make it `believed` (None: cannot tell), with
-    `probability`."""
-
-    atom: Atom
-    answered: bool
-    answer: float
-    believed: bool | None
-    probability: float
-
-
-@dataclass(frozen=True, slots=True)
-class Remembered:
-    """An atom that no look since the last action could tell: its last known value, how many cycles ago that was seen,
-    and how probable the atom is by now."""
-
-    value: bool
-    age: int
-    probability: float
 
 
 @dataclass(frozen=True, slots=True)

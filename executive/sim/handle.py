@@ -36,6 +36,8 @@ class Handle:
     limits: ArmLimits
     tables: Mapping[str, TableSpec]
     shapes: Mapping[str, ItemShape]
+    eyes: Mapping[str, FloatArray]
+    """Where each camera stands, (3,) in m, world frame: the robot is to know what it hides from whom."""
     planning_spec: Callable[[], mujoco.MjSpec]
     """A fresh specification of the scene without visuals, to build a model for planning from."""
     control_period: float

@@ -7,7 +7,7 @@ import io
 import itertools
 import weakref
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import mujoco
@@ -92,6 +92,7 @@ class MujocoWorld:
             limits=limits,
             tables={table.name: table for table in self.spec.tables},
             shapes=self.shapes,
+            eyes={camera.name: np.array(camera.position) for camera in self.spec.cameras},
             planning_spec=lambda: scene.build(spec, visuals=False),
             control_period=self._steps * self.model.opt.timestep,
             home_pose=home_pose,
@@ -104,8 +105,9 @@ class MujocoWorld:
     def time(self) -> float:
         return float(self.data.time)
 
-    def observe(self, cause: str = "") -> Observation:
-        images = {camera.name: self.render(camera.name) for camera in self.spec.cameras}
+    def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
+        names = [camera.name for camera in self.spec.cameras if cameras is None or camera.name in cameras]
+        images = {name: self.render(name) for name in names}
         return Observation(next(self._observations), self.time, images, self.joints(), cause)
 
     def render(self, camera: str) -> Image:

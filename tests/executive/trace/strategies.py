@@ -14,7 +14,9 @@ from hypothesis.extra import numpy as hnp
 from executive.types import (
     Atom,
     Belief,
+    Blinded,
     Compared,
+    Contradiction,
     Decision,
     DecisionKind,
     Dispatched,
@@ -24,17 +26,26 @@ from executive.types import (
     Facts,
     FaultInjected,
     Frame,
+    Ground,
+    Guarded,
+    Judged,
+    Looked,
+    LookKind,
     Motion,
+    Moved,
     NoPlan,
     NoPlanReason,
     Observation,
     OutcomeKind,
+    Overruled,
     Payload,
     Phase,
     Plan,
     Questions,
+    Remembered,
     Revised,
     Scenery,
+    Sense,
     SkillResult,
     SkillStatus,
     Started,
@@ -103,11 +114,23 @@ def verdicts(draw: st.DrawFn) -> Verdict:
     return Verdict(frozenset(parts[:2]), frozenset(parts[2:4]), frozenset(parts[4:]))
 
 
+shares = st.floats(0, 1)
+maybe = st.none() | st.booleans()
+chances = st.dictionaries(atoms, shares, max_size=4)
+cameras = st.lists(texts, max_size=2).map(tuple)
+results = st.builds(
+    SkillResult, steps, st.sampled_from(SkillStatus), texts, seconds, seconds, st.none() | st.sampled_from(Sense)
+)
+grounds_of_decisions = st.builds(Ground, atoms, maybe, maybe, st.none() | shares, st.integers(-1, 99), cameras)
+
+
 @st.composite
 def decisions(draw: st.DrawFn) -> Decision:
     kind = draw(st.sampled_from(DecisionKind))
     outcome = draw(st.sampled_from(OutcomeKind)) if kind is DecisionKind.STOP else None
-    return Decision(kind, draw(texts), tuple(draw(st.lists(atoms, max_size=3))), outcome)
+    evidence = tuple(draw(st.lists(atoms, max_size=3)))
+    grounds = tuple(draw(st.lists(grounds_of_decisions, max_size=2)))
+    return Decision(kind, draw(texts), evidence, outcome, grounds, draw(st.none() | results))
 
 
 RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
@@ -126,10 +149,19 @@ RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
     Phase: st.builds(Phase, texts, texts, seconds),
     Motion: motions(),
     FaultInjected: st.builds(FaultInjected, texts, texts, counts, texts),
-    SkillResult: st.builds(SkillResult, steps, st.sampled_from(SkillStatus), texts, seconds, seconds),
+    SkillResult: results,
     Compared: st.builds(Compared, texts, facts, verdicts(), counts),
     Decision: decisions(),
     Revised: st.builds(Revised, facts, facts),
+    Looked: st.builds(Looked, counts, st.sampled_from(LookKind), counts, counts, cameras),
+    Judged: st.builds(
+        Judged, counts, chances, facts, st.lists(st.builds(Contradiction, chances, chances), max_size=2).map(tuple),
+        st.lists(st.builds(Overruled, atoms, st.booleans(), shares, maybe, shares), max_size=2).map(tuple),
+        st.dictionaries(atoms, st.builds(Remembered, st.booleans(), counts, shares), max_size=2), st.none() | shares,
+    ),
+    Moved: st.builds(Moved, texts, st.sampled_from(SkillStatus), texts, seconds),
+    Guarded: st.builds(Guarded, atoms, maybe, st.booleans(), counts),
+    Blinded: st.builds(Blinded, texts, texts, counts),
     Timing: st.builds(Timing, texts, seconds),
     Ended: st.builds(
         Ended, st.sampled_from(OutcomeKind), texts, st.booleans(), st.lists(texts, max_size=3).map(tuple),
