@@ -341,6 +341,25 @@ def domains() -> None:
 
 
 @app.command()
+def new(
+    name: Annotated[str, typer.Argument(help="What the domain is called, such as my-domain; its folder, too.")],
+    parent: Annotated[Path, typer.Option("--in", help="Where that folder is made.")] = Path(),
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
+) -> None:
+    """Make a domain of your own: a folder that runs at once, with every key in it explained."""
+    from executive.scaffold import create
+
+    made = create(name, parent)
+    if as_json:
+        files = [str(file) for file in made.files]
+        print(json.dumps({"folder": str(made.folder), "files": files, "commands": made.commands}, indent=2))
+        return
+    print(f"made {made.folder}, {len(made.files)} files that explain themselves; now try")
+    for command in made.commands:
+        print(f"    {command}")
+
+
+@app.command()
 def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
     markdown: Annotated[bool, typer.Option("--markdown", help="Print it as a block for a bug report.")] = False,

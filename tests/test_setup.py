@@ -143,4 +143,6 @@ def test_an_installed_wheel_runs_a_shipped_domain_from_anywhere(tmp_path: Path) 
     where = printed(venv / "bin/python", "-c", "import executive; print(executive.__file__)", cwd=elsewhere)
     assert Path(where.strip()).is_relative_to(venv)
     printed(venv / "bin/executive", "run", "grocery", "--problem", "one-item", "--quiet", cwd=elsewhere)
+    assert "executive run shelf" in printed(venv / "bin/executive", "new", "shelf", cwd=elsewhere)
+    assert (elsewhere / "shelf" / "scene.toml").is_file()
     assert len(list((elsewhere / "runs").glob("*/summary.json"))) == 1

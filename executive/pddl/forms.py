@@ -91,7 +91,9 @@ class PddlFile:
         return self._sections.get(name)
 
     def identifier(self, form: Form, what: str) -> str:
-        if not _NAME.fullmatch(form.word) or form.word in _RESERVED:
+        if form.word in _RESERVED:
+            self.fail(form.line, f"{form} cannot be {what}: it is a word of PDDL itself")
+        if not _NAME.fullmatch(form.word):
             self.fail(form.line, f"{form} cannot be {what}: expected a letter, then letters, digits, '-' or '_'")
         return form.word
 
