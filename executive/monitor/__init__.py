@@ -3,6 +3,7 @@
 `executive.monitor.seam` has what the loop and a monitor say to each other. Pure; values in, values out.
 """
 
-from executive.monitor.seam import Contradiction, Judgement, Memory, Monitor, Overruled, Remembered, Thresholds
+from executive.monitor.plain import PlainMonitor
+from executive.monitor.seam import Judgement, Memory, Monitor, Thresholds
 
-__all__ = ["Contradiction", "Judgement", "Memory", "Monitor", "Overruled", "Remembered", "Thresholds"]
+__all__ = ["Judgement", "Memory", "Monitor", "PlainMonitor", "Thresholds"]

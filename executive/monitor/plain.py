@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from executive.monitor.seam import Judgement, Remembered, Thresholds
-from executive.types import Atom, Belief, Facts, SkillResult, Step
+from executive.monitor.seam import Judgement, Thresholds
+from executive.types import Atom, Belief, Facts, Remembered, SkillResult, Step
 
 
 @dataclass(frozen=True, slots=True)
