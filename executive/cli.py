@@ -8,6 +8,7 @@ Everything heavy is imported inside the command that needs it, so that `executiv
 
 from __future__ import annotations
 
+import difflib
 import errno
 import json
 import os
@@ -19,11 +20,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from executive import __version__
+from executive import __version__, completion
 from executive.errors import ExecutiveError, InputError, MissingError
 from executive.types import OutcomeKind
 
@@ -32,15 +33,34 @@ REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
 app = typer.Typer(
     help="Plan, do one thing, look, and ask whether the world is as expected.",
     epilog="Exit codes: 0 goal reached, 1 not reached, 2 bad input, 3 missing on this machine, 130 interrupted.",
-    add_completion=False,
     rich_markup_mode=None,
 )
 
 
+def _problems(ctx: typer.Context) -> completion.Offer:
+    # While an option still lacks its value, arguments wait to be given their names.
+    return completion.problems(ctx.params.get("domain") or next(iter(ctx.args), None))
+
+
+# What several commands ask for in the same way.
+DomainName = Annotated[
+    str,
+    typer.Argument(
+        help="A domain's folder, or the name of one that comes with Executive.", autocompletion=completion.domains
+    ),
+]
+ProblemName = Annotated[
+    str | None,
+    typer.Option(help="One of the domain's problems (see: executive domains).", autocompletion=_problems),
+]
+
 # Which model looks, and how it is asked: the same for every command that looks.
 Model = Annotated[str | None, typer.Option(help="The model: a folder, a hub id, or its name at --server.")]
 Server = Annotated[str | None, typer.Option(help="Address of an OpenAI-compatible server that has the model.")]
-TranslatorName = Annotated[str, typer.Option(help="Who words the questions: templates, llm or none.")]
+TranslatorName = Annotated[
+    str,
+    typer.Option(help="Who words the questions: templates, llm or none.", autocompletion=completion.translators),
+]
 LanguageModel = Annotated[str | None, typer.Option(help="The language model for --translator llm.")]
 Instructions = Annotated[bool, typer.Option("--instructions/--no-instructions", help="Tell it how things look.")]
 PerImage = Annotated[bool, typer.Option("--per-image", help="Ask about each picture alone, and average.")]
@@ -122,11 +142,15 @@ def executive(
 
 @app.command()
 def run(
-    domain: Annotated[str, typer.Argument(help="A domain's folder, or the name of one that comes with Executive.")],
-    problem: Annotated[str | None, typer.Option(help="One of the domain's problems (see: executive domains).")] = None,
+    domain: DomainName,
+    problem: ProblemName = None,
     seed: Annotated[int, typer.Option(min=0, help="Fixes the scene and every chance after it.")] = 0,
     estimator: Annotated[
-        str, typer.Option(help="Who says what is true: oracle, vlm (a model looks), or none (go on blindly).")
+        str,
+        typer.Option(
+            help="Who says what is true: oracle, vlm (a model looks), or none (go on blindly).",
+            autocompletion=completion.estimators,
+        ),
     ] = "oracle",
     vlm: Model = None,
     server: Server = None,
@@ -197,8 +221,14 @@ def run(
 
 @app.command()
 def estimate(
-    domain: Annotated[str, typer.Argument(help="A folder with PDDL in it, or the name of a domain that comes along.")],
-    problem: Annotated[str | None, typer.Option(help="One of the domain's problems.")] = None,
+    domain: Annotated[
+        str,
+        typer.Argument(
+            help="A folder with PDDL in it, or the name of a domain that comes along.",
+            autocompletion=completion.domains,
+        ),
+    ],
+    problem: ProblemName = None,
     image: Annotated[list[Path] | None, typer.Option(help="A picture; repeat it to show several together.")] = None,
     video: Annotated[Path | None, typer.Option(help="A video instead of pictures.")] = None,
     every: Annotated[float, typer.Option(help="Seconds between the video's frames that are looked at.")] = 0.5,
@@ -242,10 +272,10 @@ def estimate(
 
 @app.command()
 def collect(
-    domain: Annotated[str, typer.Argument(help="A domain's folder, or the name of one that comes with Executive.")],
+    domain: DomainName,
     out: Annotated[Path, typer.Option(help="The folder for the data; one that was begun is gone on with.")],
     points: Annotated[int, typer.Option(min=1, help="How many completed actions to picture.")] = 2000,
-    problem: Annotated[str | None, typer.Option(help="One of the domain's problems (see: executive domains).")] = None,
+    problem: ProblemName = None,
     seed: Annotated[int, typer.Option(min=0, help="Fixes everything, however many processes share the work.")] = 0,
     home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
     grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.010,
@@ -292,12 +322,13 @@ def _ctrl_c(cancel: Callable[[], None]) -> Iterator[None]:
 
 @app.command()
 def inspect(
-    run: Annotated[str, typer.Argument(help="A run's folder, or its name in runs/.")],
+    run: Annotated[str, typer.Argument(help="A run's folder, or its name in runs/.", autocompletion=completion.runs)],
     web: Annotated[bool, typer.Option("--web", help="In a browser on this machine, instead of a window.")] = False,
     png: Annotated[Path | None, typer.Option(help="Write a picture to this file instead; needs no screen.")] = None,
     at: Annotated[
         int | None, typer.Option(min=0, help="The cycle that --png shows; the last one if not given.")
     ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what is shown where as JSON.")] = False,
 ) -> None:
     """Show a run in the Rerun viewer."""
     from executive.trace.screenshot import screenshot
@@ -308,13 +339,21 @@ def inspect(
     if web and png is not None:
         raise InputError("is one way to look, --png is another", key="--web")
     folder = _run_folder(run)
+
+    def tell(address: str) -> None:
+        document = {"run": str(folder), "address": address}
+        print(json.dumps(document) if as_json else f"{address}   (Ctrl-C ends it)", flush=True)
+
     if png is None:
-        open_viewer(folder, web)
+        open_viewer(folder, web, tell)
         return
     if not png.resolve().parent.is_dir():
         raise InputError("there is no such folder", file="--png", key=str(png.parent))
-    for complaint in screenshot(folder, png, at_cycle=at):
+    complaints = screenshot(folder, png, at_cycle=at)
+    for complaint in complaints:
         print(f"warning: {complaint}", file=sys.stderr)
+    if as_json:
+        print(json.dumps({"run": str(folder), "png": str(png), "warnings": complaints}))
 
 
 def _run_folder(run: str, runs: Path = Path("runs")) -> Path:
@@ -322,22 +361,37 @@ def _run_folder(run: str, runs: Path = Path("runs")) -> Path:
     for folder in (Path(run), runs / run):
         if folder.exists():
             return folder
-    made = sorted(runs.glob("*/"), key=lambda folder: folder.stat().st_mtime, reverse=True)
-    latest = f"the latest in {runs} is {made[0].name}" if made else f"{runs} has none"
-    raise InputError(f"there is no such run; {latest}", file=run)
+    made = [folder.name for folder in completion.latest(runs)]
+    if not made:
+        raise InputError(f"there is no such run; {runs} has none", file=run)
+    close = difflib.get_close_matches(Path(run).name, made, n=1, cutoff=0.6)
+    hint = f"did you mean {close[0]!r}? " if close and close[0] != made[0] else ""
+    raise InputError(f"there is no such run; {hint}the latest in {runs} is {made[0]}", file=run)
 
 
 @app.command()
-def domains() -> None:
+def domains(
+    as_json: Annotated[bool, typer.Option("--json", help="Print them as JSON.")] = False,
+) -> None:
     """List the domains that come with Executive, and their problems."""
     from executive.domain import list_domains, load_domain
 
+    listed: list[dict[str, Any]] = []
     for name in list_domains():
         domain = load_domain(name)
-        print(f"{name}: {domain.description or domain.title}")
-        print(f"    executive run {name}    # {domain.task.problem}")
-        for problem in sorted((domain.folder / "problems").glob("*.pddl")):
-            print(f"    executive run {name} --problem {problem.stem}")
+        default = {"name": domain.task.problem, "command": f"executive run {name}"}
+        others = [
+            {"name": problem.stem, "command": f"executive run {name} --problem {problem.stem}"}
+            for problem in sorted((domain.folder / "problems").glob("*.pddl"))
+        ]
+        listed.append({"name": name, "description": domain.description or domain.title, "problems": [default, *others]})
+    if as_json:
+        print(json.dumps(listed, indent=2))
+        return
+    for entry in listed:
+        print(f"{entry['name']}: {entry['description']}")
+        for index, problem in enumerate(entry["problems"]):
+            print(f"    {problem['command']}" + (f"    # {problem['name']}" if index == 0 else ""))
 
 
 @app.command()

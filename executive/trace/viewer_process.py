@@ -63,7 +63,7 @@ def inspect(trace: Path | str, web: bool = False, tell: Callable[[str], None] = 
         data, page = free_port(), free_port()
         command = viewer_command("--web-viewer", "--port", str(data), "--web-viewer-port", str(page), str(path))
         source = quote(f"rerun+http://127.0.0.1:{data}/proxy", safe="")
-        tell(f"http://127.0.0.1:{page}?url={source}   (Ctrl-C ends it)")
+        tell(f"http://127.0.0.1:{page}?url={source}")
     else:
         if not has_display():
             run = shlex.quote(str(trace))

@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer.core
+import typer.main
 
 import executive.__main__ as module
 from executive import __version__, assemble, cli, machine
@@ -271,6 +273,11 @@ def test_shipped_domains_are_listed_as_commands(capsys: pytest.CaptureFixture[st
     for name in list_domains():
         assert f"executive run {name} " in out
     assert "executive run grocery --problem breakfast\n" in out
+    assert cli.exit_code(["domains", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [entry["name"] for entry in listed] == list(list_domains())
+    commands = [problem["command"] for entry in listed for problem in entry["problems"]]
+    assert [line.split("    # ")[0].strip() for line in out.splitlines() if "executive run" in line] == commands
 
 
 @pytest.fixture
@@ -282,7 +289,12 @@ def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
         calls.append((trace, png, at_cycle))
         return ["plan: error: too long"]
 
-    monkeypatch.setattr(viewer_process, "inspect", lambda trace, web: calls.append((trace, web)))
+    def show(trace: Path, web: bool, tell: Callable[[str], None]) -> None:
+        calls.append((trace, web))
+        if web:
+            tell("http://127.0.0.1:9")
+
+    monkeypatch.setattr(viewer_process, "inspect", show)
     monkeypatch.setattr(screenshot, "screenshot", draw)
     return calls
 
@@ -304,6 +316,28 @@ def test_a_picture_is_drawn_and_what_the_viewer_complains_of_is_told(
     assert cli.exit_code(["inspect", str(tmp_path), "--png", str(png), "--at", "4"]) == 0
     assert looked_at == [(tmp_path, png, 4)]
     assert capsys.readouterr() == ("", "warning: plan: error: too long\n")
+
+
+def test_where_a_run_is_shown_is_json_where_that_is_wanted(
+    looked_at: list[tuple[Any, ...]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.exit_code(["inspect", str(tmp_path), "--web"]) == 0
+    assert capsys.readouterr().out == "http://127.0.0.1:9   (Ctrl-C ends it)\n"
+    assert cli.exit_code(["inspect", str(tmp_path), "--web", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"run": str(tmp_path), "address": "http://127.0.0.1:9"}
+    png = tmp_path / "run.png"
+    assert cli.exit_code(["inspect", str(tmp_path), "--png", str(png), "--json"]) == 0
+    told = {"run": str(tmp_path), "png": str(png), "warnings": ["plan: error: too long"]}
+    assert json.loads(capsys.readouterr().out) == told
+
+
+def test_every_command_has_json() -> None:
+    group = typer.main.get_command(cli.app)
+    assert isinstance(group, typer.core.TyperGroup)
+    options = {
+        name: [text for each in command.params for text in each.opts] for name, command in group.commands.items()
+    }
+    assert [name for name, texts in options.items() if "--json" not in texts] == []
 
 
 @pytest.mark.parametrize(
