@@ -16,7 +16,7 @@ import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -180,6 +180,7 @@ def run(
     from executive import assemble
     from executive.eye import EyeConfig
     from executive.faults import parse_fault
+    from executive.trace.console import waiting
     from executive.trace.report import print_summary
     from executive.trace.terminal import TerminalSink
 
@@ -200,7 +201,9 @@ def run(
         eye=EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration) if looking else None,
     )
     stream = sys.stderr if as_json else sys.stdout
-    with assemble.Run(config, [] if quiet else [TerminalSink(stream)]) as prepared, _ctrl_c(prepared.cancel):
+    with nullcontext() if quiet else waiting(stream, "loading planner and simulator"):
+        prepared = assemble.Run(config, [] if quiet else [TerminalSink(stream)])
+    with prepared, _ctrl_c(prepared.cancel):
         summary = prepared.execute()
     struck = {each["spec"] for each in summary["faults"]}
     for spec in config.faults:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import codecs
 import io
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import TextIO
 
 from rich.console import Console
+from rich.text import Text
 
 
 def console_for(stream: TextIO, environment: Mapping[str, str] = os.environ) -> Console:
@@ -20,6 +22,17 @@ def console_for(stream: TextIO, environment: Mapping[str, str] = os.environ) -> 
         stream.reconfigure(errors=_IN_ASCII)
     plain = bool(environment.get("NO_COLOR")) or environment.get("TERM") == "dumb"
     return _Console(file=stream, markup=False, highlight=False, emoji=False, no_color=plain or None)
+
+
+@contextmanager
+def waiting(stream: TextIO, text: str) -> Iterator[None]:
+    """Say on a terminal what is waited for, for as long as the block takes; elsewhere, say nothing."""
+    console = console_for(stream)
+    if not is_live(console):
+        yield
+        return
+    with console.status(Text(text, "dim")):
+        yield
 
 
 class _Console(Console):

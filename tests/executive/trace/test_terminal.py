@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from executive.trace.console import console_for, is_live
+from executive.trace.console import console_for, is_live, waiting
 from executive.trace.story import Story
 from executive.trace.terminal import TerminalSink
 from executive.trace.terminal_view import dashboard, event_line, story_lines
@@ -153,6 +153,18 @@ def test_who_is_live() -> None:
     assert is_live(console_for(Terminal()))
     assert not is_live(console_for(io.StringIO()))
     assert not is_live(console_for(Terminal(), {"NO_COLOR": "1"}))
+
+
+def test_what_is_waited_for_is_said_on_a_terminal_alone_and_taken_back() -> None:
+    pipe, terminal = io.StringIO(), Terminal()
+    for stream in (pipe, terminal):
+        with pytest.raises(KeyboardInterrupt), waiting(stream, "loading"):
+            raise KeyboardInterrupt
+    assert pipe.getvalue() == ""
+    shown = terminal.getvalue()
+    assert "loading" in shown
+    assert shown.rfind("\x1b[2K") > shown.rfind("loading"), "its line is erased"
+    assert shown.rfind("\x1b[?25h") > shown.rfind("\x1b[?25l") >= 0, "the cursor is hidden, and shown again"
 
 
 def test_each_line_is_there_as_soon_as_it_happens() -> None:
