@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -16,6 +17,9 @@ SHOWN = 24
 
 _HEIGHT = 240
 """Pixels; that of the pictures, side by side."""
+
+_MARGIN, _LINE = 16, 24
+"""Pixels, of the sheet."""
 
 
 class Answered(NamedTuple):
@@ -100,3 +104,29 @@ def side_by_side(images: Mapping[str, Image], height: int = _HEIGHT) -> Image:
     gap = np.full((height, 4, 3), 255, dtype=np.uint8)
     parts = [part for picture in scaled for part in (picture, gap)][:-1]
     return np.concatenate(parts, axis=1)
+
+
+def draw(mistakes: Sequence[Mistake], listed: int = 4) -> bytes:
+    """All of them on one sheet, a JPEG: pictures, and below them what was asked, what is true, and what was said."""
+    from PIL import Image as Picture
+    from PIL import ImageDraw, ImageFont
+
+    text, small = ImageFont.load_default(17), ImageFont.load_default(14)
+    width = max(mistake.picture.shape[1] for mistake in mistakes) + 2 * _MARGIN
+    heights = [mistake.picture.shape[0] + _LINE * (1 + min(listed, len(mistake.answers))) + 28 for mistake in mistakes]
+    sheet = Picture.new("RGB", (width, sum(heights) + 2 * _MARGIN), "white")
+    pen, top = ImageDraw.Draw(sheet), _MARGIN
+    for mistake, height in zip(mistakes, heights, strict=True):
+        where = f"episode {mistake.episode}, step {mistake.step}, after {mistake.action}: {', '.join(mistake.cameras)}"
+        pen.text((_MARGIN, top), where, "#5d6670", small)
+        sheet.paste(Picture.fromarray(mistake.picture), (_MARGIN, top + _LINE))
+        line = top + _LINE + mistake.picture.shape[0] + 5
+        for answer in mistake.answers[:listed]:
+            said = "unanswered" if answer.probability is None else f"P(true) = {answer.probability:.3f}"
+            told = f"{answer.atom} is {'true' if answer.truth else 'false'}; {said}; {answer.question}"
+            pen.text((_MARGIN, line), told, "#c0341d" if answer.wrong else "#1f2328", text)
+            line += _LINE
+        top += height
+    buffer = io.BytesIO()
+    sheet.save(buffer, "JPEG", quality=85)
+    return buffer.getvalue()

@@ -2,7 +2,7 @@
 
 A domain may have a file `published.toml`:
 
-    source = "who found this out"
+    source = "Who found this out, in a sentence."
     columns = ["accuracy_0.3", "ap_micro"]          # keys of `executive.lab.metrics.Scores.document`
     curves = ["robot-gripping(milk-carton)"]        # atoms whose precision-recall curves are published, too
 

@@ -93,7 +93,7 @@ def plot_reliability(path: Path | str, series: Mapping[str, Sequence[tuple[float
     curve.set(ylabel="share that is true", xlim=(0, 1), ylim=(0, 1))
     counts.set(xlabel="probability of true", ylabel="answers")
     counts.set_yscale("symlog")
-    curve.legend(loc="upper left", frameon=False)
+    figure.legend(loc="outside upper left", frameon=False, fontsize=9)  # above: names may be long
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)
     try:

@@ -1,0 +1,97 @@
+"""An evaluation on disk: what it came to in `evaluation.json`, and every answer in `answers.npz`."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from executive.errors import InputError
+from executive.lab.dataset import write_atomically
+from executive.lab.evaluate import Evaluation
+from executive.lab.metrics import Answers, never_true, scores
+from executive.types import Atom
+
+RESULTS, ANSWERS = "evaluation.json", "answers.npz"
+
+
+def document(evaluation: Evaluation) -> dict[str, Any]:
+    """Everything that an evaluation came to, as JSON: all of it, each predicate, each atom, and apart the looks after
+    which the state is what the action's effects say (`expected`) and those after which it is not (`surprising`)."""
+    answers, surprising = evaluation.answers, evaluation.surprising
+    parts = {"expected": answers.where(~surprising), "surprising": answers.where(surprising)}
+    return {
+        "name": evaluation.name,
+        "looks": answers.looks,
+        **scores(answers).document(),
+        "seconds_per_look": round(evaluation.seconds_per_look, 4),
+        "never_true": [str(atom) for atom in never_true(answers)],
+        "about": dict(evaluation.about),
+        "looks_by_action": {name: {"looks": part.looks, **scores(part).document()} for name, part in parts.items()},
+        "predicates": {name: scores(answers.of(name)).document() for name in answers.predicates},
+        "atoms": {str(atom): scores(answers.of(atom)).document() for atom in answers.atoms},
+    }
+
+
+def save(folder: Path, evaluation: Evaluation) -> dict[str, Any]:
+    """Write both files, and return the document."""
+    made = document(evaluation)
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        atoms=np.array([str(atom) for atom in evaluation.answers.atoms]),
+        probability=evaluation.answers.probability,
+        truth=evaluation.answers.truth,
+        looks=np.array(evaluation.looks, dtype=np.int64).reshape(-1, 2),
+        surprising=evaluation.surprising,
+        seconds=evaluation.seconds,
+    )
+    write_atomically(folder / ANSWERS, buffer.getvalue())
+    write_atomically(folder / RESULTS, (json.dumps(made, indent=2) + "\n").encode())
+    return made
+
+
+def load(folder: Path) -> Evaluation:
+    """What `save` wrote.
+
+    Raises:
+        InputError: the folder holds no evaluation, or a damaged one.
+    """
+    if not (folder / RESULTS).is_file():
+        raise InputError(f"holds no evaluation: it has no {RESULTS}", file=folder)
+    try:
+        told = json.loads((folder / RESULTS).read_text(encoding="utf-8"))
+        with np.load(folder / ANSWERS, allow_pickle=False) as kept:
+            atoms = tuple(Atom.parse(str(atom)) for atom in kept["atoms"])
+            answers = Answers(atoms, kept["probability"], kept["truth"])
+            looks = tuple((int(episode), int(step)) for episode, step in kept["looks"])
+            return Evaluation(told["name"], told["about"], answers, looks, kept["surprising"], kept["seconds"])
+    except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+        raise InputError(f"is a damaged evaluation ({error})", file=folder) from None
+
+
+@contextmanager
+def claimed(folder: Path) -> Iterator[Path]:
+    """Make the folder that an evaluation is to be written to, and take it away again if nothing comes to be in it. A
+    former evaluation in it will be written over.
+
+    Raises:
+        InputError: it holds something else, or cannot be made.
+    """
+    new = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / RESULTS).is_file() and any(folder.iterdir()):
+            raise InputError("holds something else than an evaluation; choose another folder", file=folder, key="--out")
+    except OSError as error:
+        raise InputError(f"cannot be made ({error.strerror})", file=folder, key="--out") from None
+    try:
+        yield folder
+    finally:
+        if new and not any(folder.iterdir()):
+            folder.rmdir()
