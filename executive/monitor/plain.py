@@ -6,59 +6,50 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
+from executive.monitor.last import Last
 from executive.monitor.seam import Judgement, Thresholds
-from executive.types import Atom, Belief, Facts, Remembered, SkillResult, Step
+from executive.types import Atom, Belief, Facts, SkillResult, Step
 
 
 @dataclass(frozen=True, slots=True)
-class Last:
-    """The last known value of each atom and the cycle in which it was told, and which of them since the last action."""
+class Taken:
+    """What was known before the looks at this moment, and what they answer, the last one first."""
 
-    facts: Facts = field(default_factory=Facts)
-    cycle: Mapping[Atom, int] = field(default_factory=lambda: MappingProxyType({}))
-    told: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
+    before: Last = field(default_factory=Last)
+    now: Last = field(default_factory=Last)
+    answers: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True, slots=True)
 class PlainMonitor:
-    """Takes every answer at its word; of several looks at one moment, the last that could tell.
+    """Takes every answer at its word; of several looks at one moment, the last that answered.
 
     Args:
         atoms: the task's.
-        thresholds: one pair for all (the paper: both 0.5), or one for each predicate.
+        thresholds: one pair for all predicates (the paper: both 0.5).
     """
 
     atoms: Sequence[Atom]
-    thresholds: Thresholds | Mapping[str, Thresholds] = field(default_factory=Thresholds)
+    thresholds: Thresholds = field(default_factory=Thresholds)
 
-    def begin(self) -> Last:
-        return Last()
+    def begin(self) -> Taken:
+        return Taken()
 
-    def acted(self, memory: Last, step: Step | None, result: SkillResult | None = None) -> Last:
-        return replace(memory, told=MappingProxyType({}))
+    def acted(self, memory: Taken, step: Step | None, result: SkillResult | None = None) -> Taken:
+        return Taken(memory.now, memory.now)
 
-    def looked(self, memory: Last, raw: Belief, cycle: int) -> tuple[Last, Judgement]:
-        asked = set(self.atoms)
-        answers = {atom: value for atom, value in raw.probability.items() if atom in asked}
-        told = {**memory.told, **answers}
-        truth = {atom: self._of(atom).truth(value) for atom, value in told.items()}
+    def looked(self, memory: Taken, raw: Belief, cycle: int) -> tuple[Taken, Judgement]:
+        atoms = frozenset(self.atoms)
+        answers = {**memory.answers, **{atom: value for atom, value in raw.probability.items() if atom in atoms}}
+        truth = {atom: self.thresholds.truth(value) for atom, value in answers.items()}
         seen = Facts({atom: value for atom, value in truth.items() if value is not None})
-        facts = memory.facts | seen
-        cycles = MappingProxyType({**memory.cycle, **dict.fromkeys(seen, cycle)})
-        remembered = {
-            atom: Remembered(facts[atom], cycle - cycles[atom], float(facts[atom]))
-            for atom in facts
-            if atom not in seen
-        }
+        now = memory.before.updated(seen, cycle)
+        probability = {atom: answers.get(atom, float(now.facts.get(atom, 0.5))) for atom in self.atoms}
         judgement = Judgement(
-            belief=replace(raw, probability=told, unanswered=frozenset(asked - told.keys())),
+            belief=replace(raw, probability=answers, unanswered=atoms - answers.keys()),
             seen=seen,
-            probability=MappingProxyType({atom: told.get(atom, float(facts.get(atom, 0.5))) for atom in self.atoms}),
-            state=Facts.closed(facts.true, self.atoms),
-            remembered=MappingProxyType(remembered),
+            probability=MappingProxyType(probability),
+            state=Facts.closed(now.facts.true, self.atoms),
+            remembered=now.remembered(seen, cycle, probability),
         )
-        return Last(facts, cycles, MappingProxyType(told)), judgement
-
-    def _of(self, atom: Atom) -> Thresholds:
-        pairs = self.thresholds
-        return pairs if isinstance(pairs, Thresholds) else pairs[atom.predicate]
+        return Taken(memory.before, now, MappingProxyType(answers)), judgement

@@ -1,0 +1,79 @@
+"""What an eye's answers are worth: from a probability that an eye gives to evidence that can be added up.
+
+An answer is worth the logarithm of how much more often it is given of true atoms than of false ones. That is read off
+the probability: its log-odds, times a slope and plus a bias that take out how the eye exaggerates and how often atoms
+of the predicate were true where it was measured. And it is never worth more than a plain yes or no has been: one that
+is wrong once in twenty times counts for nineteen to one, however sure the eye says it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from executive.types import Atom
+
+_EDGE = 1e-9
+"""Probabilities nearer to 0 or 1 are taken to be this near."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How the answers about one predicate's atoms are to be read.
+
+    `false_alarms` is the share of false atoms that are answered with yes (a probability of 0.5 and more), `misses` that
+    of true atoms that are answered with no. Evidence is slope * log-odds + bias, held between what a no and what a yes
+    is worth by these rates.
+    """
+
+    false_alarms: float = 0.05
+    misses: float = 0.05
+    slope: float = 1.0
+    bias: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.false_alarms < 1.0 and 0.0 < self.misses < 1.0):
+            raise ValueError(f"rates between 0 and 1 are expected, got {self.false_alarms} and {self.misses}")
+        if self.false_alarms + self.misses >= 1.0:
+            raise ValueError(f"rates of {self.false_alarms} and {self.misses} would make a yes speak for no")
+        if not (math.isfinite(self.slope) and self.slope >= 0.0 and math.isfinite(self.bias)):
+            raise ValueError(f"slope {self.slope!r} and bias {self.bias!r} turn answers around")
+
+    def evidence(self, probability: float) -> float:
+        """The logarithm of the answer's likelihood ratio, true against false."""
+        kept = min(1.0 - _EDGE, max(_EDGE, probability))
+        worth = self.slope * math.log(kept / (1.0 - kept)) + self.bias
+        least = math.log(self.misses / (1.0 - self.false_alarms))
+        return min(math.log((1.0 - self.misses) / self.false_alarms), max(least, worth))
+
+
+@dataclass(frozen=True, slots=True)
+class Eye:
+    """The readings of one eye, by predicate, and `other` for those that were not measured.
+
+    `alike` says how much two looks at the same moment err together: 0 where every look errs on its own, 1 where looking
+    again shows the same mistakes again.
+    """
+
+    readings: Mapping[str, Reading] = field(default_factory=lambda: MappingProxyType({}))
+    other: Reading = field(default_factory=Reading)
+    alike: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.alike <= 1.0:
+            raise ValueError(f"looks are alike by a share from 0 to 1, not {self.alike}")
+
+    def evidence(self, atom: Atom, probability: float) -> float:
+        return self.readings.get(atom.predicate, self.other).evidence(probability)
+
+    def together(self, evidence: Sequence[float]) -> float:
+        """What several looks at one moment say of an atom. n of them that err together count for n / (1 + (n - 1) a)
+        that err on their own, where a is `alike` (the design effect of cluster samples, Kish 1965)."""
+        count = len(evidence)
+        return math.fsum(evidence) / (1.0 + (count - 1) * self.alike)
+
+
+EXACT = Eye(other=Reading(1e-6, 1e-6), alike=0.0)
+"""An eye that is taken to be always right."""
