@@ -308,6 +308,58 @@ def collect(
     return REACHED
 
 
+@app.command("eval")
+def evaluate(
+    domain: DomainName,
+    data: Annotated[Path, typer.Argument(help="A finished collection (see: executive collect).")],
+    problem: ProblemName = None,
+    vlm: Model = None,
+    server: Server = None,
+    translator: TranslatorName = "templates",
+    llm: LanguageModel = None,
+    instructions: Instructions = True,
+    per_image: PerImage = False,
+    calibration: CalibrationFile = None,
+    looks: Annotated[int | None, typer.Option(min=1, help="Only the first ones.")] = None,
+    paraphrases: Annotated[Path | None, typer.Option(help="A file with other wordings of the questions.")] = None,
+    rename: Annotated[bool, typer.Option("--rename/--no-rename", help="Use that file's names of objects, too.")] = True,
+    disturb: Annotated[
+        list[str] | None, typer.Option(help="Make looks harder: lights, cameras, jpeg=40; repeat it for more.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Fixes which wording and what disturbance a look gets.")] = 0,
+    beside: Annotated[
+        list[Path] | None, typer.Option(help="The folder of another evaluation, to show beside; repeat it for more.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The report's folder; in evaluations/ if not given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
+) -> int:
+    """Measure how well a model sees, on collected pictures (Experiment 1 of the paper), and write a report."""
+    from executive.eye import EyeConfig
+    from executive.lab import evaluation_report as reporting
+    from executive.lab import evaluation_store as store
+    from executive.lab.evaluate import EvalConfig, Evaluator
+    from executive.lab.progress import told
+    from executive.trace.console import waiting
+
+    eye = EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration)
+    config = EvalConfig(domain, data, eye, problem, looks, paraphrases, rename, tuple(disturb or ()), seed)
+    others = [store.load(folder) for folder in beside or ()]
+    with store.claimed(out or store.default_folder(config)) as folder:
+        with waiting(sys.stderr, "loading the model"):
+            evaluator = Evaluator(config, lambda line: print(f"warning: {_one_line(line)}", file=sys.stderr))
+        with evaluator, _ctrl_c(evaluator.cancel), told(sys.stderr, "looks") as watch:
+            evaluation = evaluator.run(watch)
+        if evaluation is None:
+            print("interrupted; nothing was written", file=sys.stderr)
+            return INTERRUPTED
+        document = reporting.write(folder, evaluation, evaluator.mistakes.sheet(), others, evaluator.published)
+    if as_json:
+        print(json.dumps({**document, "report": str(folder / reporting.REPORT)}, indent=2))
+    else:
+        print(reporting.summary(document, folder))
+    return REACHED if document["unanswered"] < document["asked"] else NOT_REACHED
+
+
 @contextmanager
 def _ctrl_c(cancel: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C once cancels, which leaves the arm at rest and the trace whole; a second one leaves at once."""

@@ -19,7 +19,7 @@ import numpy as np
 from executive.domain import Domain, load_domain, load_subject
 from executive.errors import InputError
 from executive.eye import EyeConfig, load_calibration, open_eye
-from executive.lab import dataset
+from executive.lab import dataset, published
 from executive.lab.dataset import Point
 from executive.lab.disturbance import Disturbance, Disturber
 from executive.lab.metrics import Answers
@@ -135,6 +135,7 @@ class Evaluator:
         if config.paraphrases is not None:
             own = Templates.read(subject.questions) if subject.questions is not None else None
             self._paraphrases = Paraphrases.read(config.paraphrases, subject.task, own, config.rename)
+        self.published = published.read(subject.pddl.parent)
         dataset.read(config.data)  # says what an unfinished collection lacks
         self.eye: S3E = open_eye(config.eye, subject)
         for line in (*self.eye.questions.warnings, *(self._paraphrases.warnings if self._paraphrases else ())):

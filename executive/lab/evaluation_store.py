@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from executive.errors import InputError
 from executive.lab.dataset import write_atomically
-from executive.lab.evaluate import Evaluation
+from executive.lab.evaluate import EvalConfig, Evaluation
 from executive.lab.metrics import Answers, never_true, scores
 from executive.types import Atom
 
@@ -73,6 +74,12 @@ def load(folder: Path) -> Evaluation:
             return Evaluation(told["name"], told["about"], answers, looks, kept["surprising"], kept["seconds"])
     except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
         raise InputError(f"is a damaged evaluation ({error})", file=folder) from None
+
+
+def default_folder(config: EvalConfig) -> Path:
+    """Where an evaluation goes that is not told where."""
+    parts = (time.strftime("%Y%m%d-%H%M%S"), Path(config.domain).name, config.data.resolve().name)
+    return Path("evaluations") / "-".join(parts)
 
 
 @contextmanager
