@@ -9,30 +9,64 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from executive.belief import Known, Moment
+from executive.attention import questions
 from executive.compare import compare, outlook, progress
+from executive.monitor.seam import Judgement, Memory
 from executive.policy import Turn
-from executive.types import Decision, DecisionKind, Ended, Facts, OutcomeKind, Plan, SkillResult, Step, Task
+from executive.types import (
+    Atom,
+    Belief,
+    Decision,
+    DecisionKind,
+    Ended,
+    Facts,
+    Ground,
+    Looked,
+    OutcomeKind,
+    Plan,
+    SkillResult,
+    Step,
+    Task,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A state of the world between two actions, as far as it was looked at: what was expected of it and what was known
+    before it, how many looks there were, which atoms they asked about, and the number of the last observation."""
+
+    expected: Facts = field(default_factory=Facts)
+    before: Facts = field(default_factory=Facts)
+    looks: int = 0
+    asked: frozenset[Atom] = frozenset()
+    observation_id: int = -1
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
     """The course of a run so far.
 
-    `goal` is what is still gone for: the task's goal without what was given up. `todo` are the positions of the plan's
-    steps that are left, `attempt` counts the tries at the first of them. `moment` are the looks since the last action.
-    `failures` counts how often a step failed from the same known facts; `stuck` are the steps that were given up on,
-    and what was known then; `given_up_why` is why some of the goal was given up last. A *cycle* is a turn of the loop,
-    an *action* a dispatched step, a *replan* a plan that was taken up after the first.
+    `goal` is what is still gone for: the task's goal without what was given up. `memory` is the monitor's own, and
+    `judgement` what it made of the looks at this `moment` (None before the first one). `known` are the facts that were
+    told or ever seen, as they are believed now. `source` is the last look that asked about an atom, with its cameras.
+    `todo` are the positions of the plan's steps that are left, `attempt` counts the tries at the first of them, and
+    `report` is what the skill of this cycle said. `failures` counts how often a step failed from the same known facts;
+    `stuck` are the steps that were given up on, and what was known then; `given_up_why` is why some of the goal was
+    given up last. A *cycle* is a turn of the loop, an *action* a dispatched step, a *replan* a plan that was taken up
+    after the first.
     """
 
     task: Task
     goal: Facts
-    known: Known
-    moment: Moment
+    known: Facts
+    memory: Memory = None
+    judgement: Judgement | None = None
+    moment: Moment = Moment()
+    source: Mapping[Atom, tuple[int, tuple[str, ...]]] = field(default_factory=lambda: MappingProxyType({}))
     plan: tuple[Step, ...] | None = None
     todo: tuple[int, ...] = ()
     attempt: int = 1
+    report: SkillResult | None = None
     cycle: int = 0
     actions: int = 0
     replans: int = 0
@@ -41,12 +75,6 @@ class Course:
     stuck: Mapping[Step, Facts] = field(default_factory=lambda: MappingProxyType({}))
     given_up_why: str = ""
 
-    @classmethod
-    def of(cls, task: Task, told: Facts) -> Course:
-        """The start of a run that was `told` some facts."""
-        known = Known(told)
-        return cls(task, task.goal, known, Moment(known, Facts()))
-
     @property
     def left(self) -> tuple[Step, ...]:
         """The steps that are left, in order."""
@@ -54,8 +82,23 @@ class Course:
 
     @property
     def state(self) -> Facts:
-        """A complete state to plan from: what is not known counts as false."""
-        return self.known.state(self.task.atoms)
+        """A complete state to plan from, as the monitor believes it; for one that does not look, as it is known."""
+        return self.judgement.state if self.judgement else Facts.closed(self.known.true, self.task.atoms)
+
+    @property
+    def seen(self) -> Facts:
+        """What the looks at this moment tell."""
+        return self.judgement.seen if self.judgement and self.moment.looks else Facts()
+
+    @property
+    def expected(self) -> Facts:
+        """What was expected of the atoms that this moment's looks are about."""
+        return self.moment.expected.only(self.moment.asked | self.seen.keys())
+
+    @property
+    def asked_all(self) -> bool:
+        """Whether the looks at this moment asked about every atom."""
+        return self.moment.looks > 0 and self.moment.asked.issuperset(self.task.atoms)
 
     @property
     def given_up(self) -> Facts:
@@ -64,34 +107,79 @@ class Course:
     @property
     def is_stuck(self) -> bool:
         """Whether a step was given up on when just this was known."""
-        return self.known.facts in self.stuck.values()
+        return self.known in self.stuck.values()
 
     def failed_before(self, step: Step, known: Facts) -> int:
         return self.failures.get((step, known), 0)
 
     def leads_nowhere(self, plan: Plan) -> bool:
         """Whether the plan hangs on a step that was given up on when just this was known."""
-        return any(self.stuck.get(step) == self.known.facts for step in plan.steps)
+        return any(self.stuck.get(step) == self.known for step in plan.steps)
+
+    def questions(self, most: int) -> tuple[Atom, ...]:
+        """What a look at this moment should ask about: what the last step changed, what the next one needs, what is in
+        doubt, and the goal."""
+        left = self.left[1:] if self.report else self.left
+        matters = (
+            self.report.step.effects if self.report else (),
+            left[0].preconditions if left else (),
+            self.goal,
+        )
+        probability = self.judgement.probability if self.judgement else {}
+        return questions(self.task.atoms, matters, probability, most)
+
+    def uncertain(self, most: int) -> tuple[Atom, ...]:
+        """The atoms whose truth is least certain, those that cannot be told before all others; none for an executive
+        that does not look."""
+        if self.judgement is None:
+            return ()
+        certain = self.judgement.least_certain(self.task.atoms)
+        return tuple(sorted(certain, key=lambda atom: atom in self.seen))[:most]
+
+    def grounded(self, decision: Decision) -> Decision:
+        """The decision with what is believed now of the atoms that spoke for it, and with what the skill said."""
+        probability = self.judgement.probability if self.judgement else {}
+
+        def ground(atom: Atom) -> Ground:
+            expected = self.moment.expected.get(atom, self.goal.get(atom))
+            believed = self.seen.get(atom) if self.moment.looks else self.known.get(atom)
+            return Ground(atom, expected, believed, probability.get(atom), *self.source.get(atom, (-1, ())))
+
+        return replace(decision, grounds=tuple(map(ground, decision.evidence)), report=self.report)
 
     # What can happen.
 
     def next_cycle(self) -> Course:
-        return replace(self, cycle=self.cycle + 1)
+        return replace(self, cycle=self.cycle + 1, report=None)
 
-    def looked(self, seen: Facts, observation_id: int) -> Course:
-        """One more look at the same moment. What its looks say together becomes what is known."""
-        moment = self.moment.looked(seen, observation_id)
-        known = moment.before.updated(moment.settled, self.cycle)
-        return replace(self, moment=moment, known=known, looks=self.looks + 1)
+    def looked(self, memory: Memory, judgement: Judgement, raw: Belief, look: Looked) -> Course:
+        """One more look at the same moment."""
+        asked = frozenset((*raw.probability, *raw.unanswered))
+        moment = replace(
+            self.moment,
+            looks=self.moment.looks + 1,
+            asked=self.moment.asked | asked,
+            observation_id=look.observation_id,
+        )
+        told = judgement.seen.keys() | judgement.remembered.keys()
+        source = {**self.source, **dict.fromkeys(asked, (look.observation_id, look.cameras))}
+        return replace(
+            self,
+            memory=memory,
+            judgement=judgement,
+            known=judgement.state.only(told),
+            moment=moment,
+            source=MappingProxyType(source),
+            looks=self.looks + 1,
+        )
 
-    def waiting(self) -> Course:
+    def waiting(self, memory: Memory) -> Course:
         """From here on the world is expected to change: what the next look shows counts, not what earlier ones did."""
-        return replace(self, moment=Moment(self.known, Facts(), (), self.moment.observation_id))
+        return replace(self, memory=memory, moment=Moment(observation_id=self.moment.observation_id))
 
-    def trusting_last_look(self) -> Course:
-        """What the last look alone showed becomes what is known; all of the goal, if it showed that."""
-        goal = self.task.goal if self.moment.last.entails(self.task.goal) else self.goal
-        return replace(self, known=self.known.updated(self.moment.last, self.cycle), goal=goal)
+    def whole_goal_seen(self) -> Course:
+        """What was given up is gone for again, if all of the goal is seen to hold."""
+        return replace(self, goal=self.task.goal) if self.seen.entails(self.task.goal) else self
 
     def giving_up(self, why: str) -> Course:
         """Some of the goal is about to be left out of what is planned for."""
@@ -104,24 +192,28 @@ class Course:
 
     def dispatched(self) -> Course:
         """The next step is handed to its skill: its effects are expected, and that all else stays."""
-        expected = progress(self.known.facts, self.left[0])
-        moment = Moment(self.known, expected, (), self.moment.observation_id)
+        expected = progress(self.known, self.left[0])
+        moment = Moment(expected, self.known, observation_id=self.moment.observation_id)
         return replace(self, moment=moment, actions=self.actions + 1)
+
+    def acted(self, result: SkillResult, memory: Memory) -> Course:
+        """The skill is done with it, however that went."""
+        return replace(self, report=result, memory=memory)
 
     def assumed(self) -> Course:
         """Nobody looks: what was expected of the step becomes what is known."""
-        return replace(self, known=Known(self.moment.expected), todo=self.todo[1:], attempt=1)
+        return replace(self, known=self.moment.expected, todo=self.todo[1:], attempt=1)
 
     def judged(self, turn: Turn, decision: Decision) -> Course:
         """The dispatched step came out as `turn` says, and `decision` was taken on it."""
         if turn.rest is None:
-            return replace(self.failed(turn.step, self.moment.before.facts, decision), attempt=self.attempt + 1)
+            return replace(self.failed(turn.step, self.moment.before, decision), attempt=self.attempt + 1)
         return replace(self, todo=tuple(self.todo[1:][position] for position in turn.rest), attempt=1)
 
     def failed(self, step: Step, known: Facts, decision: Decision) -> Course:
         """The step failed when `known` was known."""
         failures = {**self.failures, (step, known): self.failed_before(step, known) + 1}
-        stuck = {**self.stuck, step: self.known.facts} if decision.kind is DecisionKind.GIVE_UP_GOAL else self.stuck
+        stuck = {**self.stuck, step: self.known} if decision.kind is DecisionKind.GIVE_UP_GOAL else self.stuck
         return replace(self, failures=MappingProxyType(failures), stuck=MappingProxyType(dict(stuck)))
 
     # What it amounts to.
@@ -129,34 +221,34 @@ class Course:
     def turn(self, result: SkillResult) -> Turn:
         """Everything that is to be decided upon after the dispatched step was looked at."""
         step, *left = self.left
-        moment, state = self.moment, self.state
-        verdict = compare(moment.expected, moment.settled)
-        view = outlook(step, left, state, self.goal, surprised=bool(verdict.violated))
-        doubts = sorted(view.needed - moment.settled.keys())
+        moment, judgement = self.moment, self.judgement
+        verdict = compare(self.expected, self.seen)
+        view = outlook(step, left, self.state, self.goal, surprised=bool(verdict.violated))
+        ages = {atom: judgement.age(atom) if judgement else None for atom in sorted(view.needed - self.seen.keys())}
         return Turn(
             step=step,
             result=result,
-            expected=moment.expected,
+            expected=self.expected,
             verdict=verdict,
-            doubts={atom: self.known.age(atom, self.cycle) for atom in doubts},
+            doubts={atom: age for atom, age in ages.items() if age is None or atom in moment.asked},
             planned=len(left),
             rest=view.rest,
             repeatable=view.repeatable,
-            looks=len(moment.looks),
+            looks=moment.looks,
             attempt=self.attempt,
-            failures=self.failed_before(step, moment.before.facts) + 1,
+            failures=self.failed_before(step, moment.before) + 1,
         )
 
     def ended(self, decision: Decision) -> Ended:
-        """How the run ends. The goal was seen if the last look alone, with no action after it, shows all of it."""
+        """How the run ends. The goal was seen if looks at this last moment, with no action after it, show all of it."""
         if decision.outcome is None:
             raise ValueError(f"a run does not end with {decision.kind!r}")
         goal, reached = self.task.goal, decision.outcome is OutcomeKind.GOAL_REACHED
         return Ended(
             decision.outcome,
             decision.reason,
-            goal_seen=reached and bool(self.moment.looks) and self.moment.last.entails(goal),
-            unreached=goal.without(compare(goal, self.known.facts).holds).literals(),
+            goal_seen=reached and self.moment.looks > 0 and self.seen.entails(goal),
+            unreached=goal.without(compare(goal, self.known).holds).literals(),
             cycles=self.cycle,
             actions=self.actions,
             replans=self.replans,

@@ -12,9 +12,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from executive import policy
+from executive.attention import Attention
 from executive.compare import compare
 from executive.course import Course
 from executive.errors import InputError
+from executive.looking import Looker
+from executive.monitor.plain import PlainMonitor
+from executive.monitor.seam import Monitor
 from executive.policy import Settings
 from executive.protocols import Estimator, FaultSource, Planner, Sink, Skill, World
 from executive.session import Session
@@ -50,6 +54,8 @@ class Executive:
         sinks: see every event. One that raises is dropped with a warning, and nothing else changes.
         initial: what a blind executive is told; one that looks has to see it for itself.
         domain, run: names for the trace.
+        monitor: what is made of the looks; without one, each answer is taken at its word.
+        attention, moves: where to look for what, and skills that clear the view, by name, the mildest first.
 
     Raises:
         InputError: neither an estimator nor initial facts.
@@ -68,14 +74,21 @@ class Executive:
         initial: Facts | None = None,
         domain: str = "",
         run: str = "",
+        monitor: Monitor | None = None,
+        attention: Attention | None = None,
+        moves: Mapping[str, Skill] | None = None,
     ) -> None:
         if estimator is None and initial is None:
             raise InputError("an executive that does not look (it has no estimator) must be told the initial facts")
         self.planner, self.world, self.skills, self.estimator = planner, world, skills, estimator
         self.settings, self.faults, self.domain, self.name = settings or Settings(), faults, domain, run
-        self.course = Course.of(task, Facts() if estimator or initial is None else initial)
+        monitor, attention = monitor or PlainMonitor(task.atoms), attention or Attention()
+        told = Facts() if estimator or initial is None else initial
+        self.course = Course(task, task.goal, told, monitor.begin())
         self._session = Session(sinks, world, self.settings.seed, lambda: self.course.cycle)
         self._emit, self.cancel = self._session.emit, self._session.cancel
+        if estimator:
+            self._looker = Looker(estimator, world, monitor, attention, moves or {}, self._session, self.settings)
 
     def run(self) -> Ended:
         """Run to the end. Whatever happens, `Ended` is emitted and the sinks are closed.
@@ -110,14 +123,15 @@ class Executive:
     def _first_look(self) -> Decision:
         """1. Look at the world; estimate every atom; that is the initial state."""
         if self.estimator is None:
-            self._emit(Belief.certain(self.course.known.facts))
+            self._emit(Belief.certain(self.course.known))
             return Decision(DecisionKind.CONTINUE, "told what holds")
+        self.course = self._looker.look_at_all(self.course, "first look")
         while True:
-            self._look("first look")
             course = self.course
-            decision = policy.first(course.task.atoms, course.known.facts, len(course.moment.looks), self.settings)
+            decision = policy.first(course.task.atoms, course.known, course.moment.looks, self.settings)
             if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
                 return decision
+            self.course = self._looker.again(course, "first look", decision.evidence)
 
     def _make_plan(self) -> Decision:
         """2 and 5. Plan from what is believed."""
@@ -125,9 +139,10 @@ class Executive:
         while isinstance(plan := self._ask(self.course.goal), NoPlan):
             self._emit(plan)
             answers[plan.reason] += 1
-            decision = policy.unplanned(plan, answers[plan.reason], self.estimator is not None)
+            doubts = self.course.uncertain(self.settings.max_questions)
+            decision = policy.unplanned(plan, answers[plan.reason], doubts, self.course.seen, self.settings)
             if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
-                self._look("there is no plan")
+                self.course = self._looker.again(self.course, "there is no plan", decision.evidence)
             elif decision.kind is not DecisionKind.REPLAN:
                 return decision
         return self._take_up(plan, self.course.goal)
@@ -142,7 +157,9 @@ class Executive:
             return decision
         self.course = self.course.dispatched()
         order = Dispatched(step, self.course.actions, self.course.attempt, self.course.todo[0])
-        result = self._session.dispatch(order, self.skills, self.faults)
+        result = self._session.dispatch(
+            order, self.skills, self.faults, self._looker.guard(step) if self.estimator else None
+        )
         if result.status is SkillStatus.CRASHED:
             return self._decide(policy.crashed(result))
         return self._judge(result) if self.estimator else self._assume(result)
@@ -151,7 +168,7 @@ class Executive:
         """The step's preconditions against what is known, with a few looks' patience; None when it can begin."""
         waits = 0
         while True:
-            known = self.course.known.facts
+            known = self.course.known
             verdict = self._compare("preconditions", step.preconditions, known)
             failures = self.course.failed_before(step, known) + 1
             decision = policy.before(step, verdict, waits, failures, self.settings)
@@ -160,51 +177,57 @@ class Executive:
             if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
                 self.course = self.course.failed(step, known, decision)
                 return decision
-            self.course, waits = self.course.waiting(), waits + 1
-            self._look(f"before {step}")
+            self.course, waits = self._looker.look(self._looker.waited(self.course), f"before {step}"), waits + 1
 
     def _judge(self, result: SkillResult) -> Decision:
         """What was expected of the step against what is seen of it."""
+        cause = f"after {result.step}"
+        self.course = self._looker.look(self._looker.acted(self.course, result), cause)
         while True:
-            self._look(f"after {result.step}")
-            self._compare("effects", self.course.moment.expected, self.course.moment.settled)
+            self._compare("effects", self.course.expected, self.course.seen)
             turn = self.course.turn(result)
             decision = self._decide(policy.after(turn, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 break
+            if turn.doubts or self.course.asked_all:
+                self.course = self._looker.again(self.course, cause, decision.evidence)
+            else:  # what did not come out may have come to anything
+                self.course = self._looker.look_at_all(self.course, cause)
         self.course = self.course.judged(turn, decision)
         if turn.verdict.violated:
-            self._emit(Revised(self.course.known.facts, self.course.known.facts.only(turn.verdict.violated)))
+            self._emit(Revised(self.course.known, self.course.known.only(turn.verdict.violated)))
         return decision
 
     def _assume(self, result: SkillResult) -> Decision:
         """The blind baseline: nobody looks, so what was expected of the step is believed."""
         self.course = self.course.assumed()
-        self._emit(Belief.certain(self.course.known.facts))
+        self._emit(Belief.certain(self.course.known))
         return self._decide(policy.assumed(result))
 
     def _finish(self) -> Decision:
         """6. Done means that the goal is seen to hold, in a full look."""
         if self.estimator is None:
             return self._decide(policy.finish_blind(self.course.goal))
+        if not self.course.asked_all:
+            self.course = self._looker.look_at_all(self.course, "is the goal reached?")
+        checks = 1
         while True:
-            self.course, plan = self.course.trusting_last_look(), None
-            verdict = self._compare("goal", self.course.goal, self.course.moment.last)
-            if verdict.satisfied and self.course.given_up:
-                plan = self._probe(self.course.task.goal)  # what was given up may have come within reach since
-            course, looks = self.course, len(self.course.moment.looks)
+            self.course, plan = self.course.whole_goal_seen(), None
+            course = self.course
+            verdict = self._compare("goal", course.goal, course.seen)
+            if verdict.satisfied and course.given_up:
+                plan = self._probe(course.task.goal)  # what was given up may have come within reach since
             given_up = course.given_up, course.given_up_why, plan
-            decision = self._decide(policy.finish(course.goal, verdict, looks, *given_up, self.settings))
+            decision = self._decide(policy.finish(course.goal, verdict, checks, *given_up, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
-                break
-            self._look("is the goal reached?")
-        return decision if plan is None else self._take_up(plan, self.course.task.goal)
+                return decision if plan is None else self._take_up(plan, course.task.goal)
+            self.course, checks = self._looker.again(course, "is the goal reached?", decision.evidence), checks + 1
 
     def _give_up(self, cause: Decision) -> Decision:
         """Leave out of the goal what cannot be reached, and go for the rest."""
         kept, plan = policy.largest_reachable(self.course.goal, self._probe, self.settings.max_goal_plans)
         decision = policy.given_up(cause, self.course.goal, kept, self.course.is_stuck)
-        self._emit(decision)
+        self._emit(self.course.grounded(decision))
         self.course = self.course.giving_up(cause.reason)
         return decision if plan is None else self._take_up(plan, kept)
 
@@ -226,24 +249,13 @@ class Executive:
         plan = self._ask(goal)
         return None if isinstance(plan, NoPlan) or self.course.leads_nowhere(plan) else plan
 
-    def _look(self, cause: str) -> None:
-        assert self.estimator is not None
-        with self._session.stage("observe"):
-            observation = self.world.observe(cause)
-        self._emit(observation)
-        with self._session.stage("estimate"):
-            belief = self.estimator.estimate(observation, self.course.task.atoms)
-        self._emit(belief)
-        seen = belief.facts(self.settings.low, self.settings.high).only(self.course.task.atoms)
-        self.course = self.course.looked(seen, observation.id)
-
     def _compare(self, what: str, expected: Facts, seen: Facts) -> Verdict:
         verdict = compare(expected, seen)
         self._emit(Compared(what, expected, verdict, self.course.moment.observation_id))
         return verdict
 
     def _decide(self, decision: Decision) -> Decision:
-        """Emit it, unless it is still open which goals it costs."""
+        """Emit it with what it rests on, unless it is still open which goals it costs."""
         if decision.kind is not DecisionKind.GIVE_UP_GOAL:
-            self._emit(decision)
+            self._emit(self.course.grounded(decision))
         return decision

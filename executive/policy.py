@@ -31,15 +31,13 @@ _CHANCE = frozenset({SkillStatus.DONE, SkillStatus.GRASP_MISSED, SkillStatus.DRO
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """A run's seed, its thresholds, and how much patience it has.
+    """A run's seed, and how much patience it has.
 
-    `low` and `high` are the thresholds of `Belief.truth` (both 0.5 is the paper's setting). "Again" and "wait" count
-    looks beyond the first one after an action; `max_retries` counts tries beyond the first one of a step.
+    "Again" and "wait" count looks beyond the first one after an action; `max_retries` counts tries beyond the first one
+    of a step.
     """
 
     seed: int = 0
-    low: float = 0.5
-    high: float = 0.5
     max_cycles: int = 200
     max_actions: int = 100
     max_replans: int = 50
@@ -47,17 +45,21 @@ class Settings:
     max_failures: int = 10
     """How often one step may fail from the same known facts before that counts as going in circles; where trying
     again cannot help much (no path, unreachable, not there), two more than `max_retries` are enough."""
-    max_looks_again: int = 2
+    max_looks_again: int = 3
+    """Enough to look closer, and then twice with the arm further out of the way."""
+    max_questions: int = 32
+    """How much one look may ask about. Where that is all there is, it is asked; else it is what matters."""
+    guard_looks: int = 2
+    """How often it is looked after what is carried, in each transfer; more often only to confirm that it is gone."""
     precondition_wait: int = 2
     max_goal_plans: int = 64
     """How often the planner may be asked to find out which part of the goal can be reached."""
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.low <= self.high <= 1.0:
-            raise ValueError(f"thresholds must satisfy 0 <= low <= high <= 1, got low {self.low}, high {self.high}")
         for name in self.__dataclass_fields__:
-            if name not in ("low", "high") and getattr(self, name) < 0:
-                raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
+            least = 1 if name == "max_questions" else 0
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
 
     def tolerated(self, status: SkillStatus) -> int:
         """How many failures of one step from the same known facts are too many."""
@@ -68,12 +70,12 @@ class Settings:
 class Turn:
     """What is known once a step was carried out and looked at.
 
-    `verdict` holds what was seen against everything that was expected. `doubts` are the atoms that the rest of the
-    plan or the goal hangs on and that no look could tell, each with the number of cycles since it was last seen (None:
-    never). `planned` steps were to follow; `rest` are the positions of those that are still to be done from what is
-    known, or None when they no longer reach the goal. `repeatable`: they would, if the step were done once more.
-    `looks` counts those since the action, `attempt` this step's tries in a row, `failures` how often it has failed
-    from the same known facts, this time included.
+    `verdict` holds what was seen against what was expected of everything that was asked about. `doubts` are the atoms
+    that the rest of the plan or the goal hangs on and that no look could tell, each with the number of cycles since it
+    was last seen (None: never). `planned` steps were to follow; `rest` are the positions of those that are still to be
+    done from what is known, or None when they no longer reach the goal. `repeatable`: they would, if the step were done
+    once more. `looks` counts those since the action, `attempt` this step's tries in a row, `failures` how often it has
+    failed from the same known facts, this time included.
     """
 
     step: Step
@@ -132,7 +134,7 @@ def after(turn: Turn, settings: Settings) -> Decision:
     agreed = as_planned if result.done else broken
     if not agreed and may_look and turn.looks == 1:
         reason = _joined(reported, surprise) or f"{step} is done, yet the plan does not reach the goal from here"
-        return Decision(DecisionKind.LOOK_AGAIN, reason, evidence)
+        return Decision(DecisionKind.LOOK_AGAIN, reason, evidence or tuple(step.effects))
     if turn.rest is not None:
         skipped = turn.planned - len(turn.rest)
         onward = f"{skipped} of {turn.planned} steps no longer needed" if skipped else "the plan still reaches the goal"
@@ -159,19 +161,24 @@ def crashed(result: SkillResult) -> Decision:
     return _stop(OutcomeKind.CRASHED, f"the skill for {result.step} crashed: {result.reason}")
 
 
-def unplanned(no_plan: NoPlan, times: int, looking: bool) -> Decision:
-    """The planner has no plan, for the `times`-th time in a row for this reason. `looking`: the executive can look
-    again; one that cannot has no reason to doubt what it believes."""
+def unplanned(no_plan: NoPlan, times: int, doubts: Collection[Atom], seen: Facts, settings: Settings) -> Decision:
+    """The planner has no plan, for the `times`-th time in a row for this reason. `doubts` are the atoms that a look
+    could be about, the least certain first: none for an executive that cannot look and has no reason to doubt what it
+    believes. `seen` are those that the looks could tell."""
     detail = f": {no_plan.detail}" if no_plan.detail else ""
     reason = f"the planner answers {no_plan.reason}{detail}"
     if no_plan.reason is not NoPlanReason.UNSOLVABLE:
         if times == 1:
             return Decision(DecisionKind.REPLAN, f"{reason}; asking once more")
         return _stop(OutcomeKind.NO_PLAN, f"{reason}, {times} times")
-    if not looking:
+    if not doubts:
         return _stop(OutcomeKind.NO_PLAN, reason)
     if times == 1:
-        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; looking again, as what is believed may be wrong")
+        doubted = "looking again at what is least certain, as what is believed may be wrong"
+        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; {doubted}", tuple(doubts))
+    unknown = tuple(atom for atom in doubts if atom not in seen)
+    if unknown and times <= settings.max_looks_again:
+        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}, and it cannot tell {_listed(unknown)}", unknown)
     return Decision(DecisionKind.GIVE_UP_GOAL, reason)
 
 
@@ -190,10 +197,10 @@ def given_up(cause: Decision, goal: Facts, kept: Facts, is_stuck: bool) -> Decis
 
 
 def finish(
-    goal: Facts, verdict: Verdict, looks: int, dropped: Facts, why: str, plan: Plan | None, settings: Settings
+    goal: Facts, verdict: Verdict, checks: int, dropped: Facts, why: str, plan: Plan | None, settings: Settings
 ) -> Decision:
-    """Nothing is left to do: `verdict` holds the goal against the last look alone, for only seeing it is success.
-    `dropped` was given up, and `why`; `plan` reaches the whole goal after all."""
+    """Nothing is left to do: `verdict` holds the goal against what is seen now, for only seeing it is success, and is
+    the `checks`-th one in a row. `dropped` was given up, and `why`; `plan` reaches the whole goal after all."""
     if verdict.satisfied and not dropped:
         return _stop(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", tuple(goal))
     if verdict.satisfied and plan is None:
@@ -207,12 +214,13 @@ def finish(
         f"not seen as the goal has it: {_listed(wrong)}" if wrong else "",
         f"cannot tell {_listed(unknown)}" if unknown else "",
     )
-    if looks <= settings.max_looks_again:
+    # One more look is enough to believe what is seen; what cannot be told is worth all of them.
+    if checks <= (settings.max_looks_again if unknown else min(1, settings.max_looks_again)):
         return Decision(DecisionKind.LOOK_AGAIN, f"nothing is left to do, but {missing}", wrong + unknown)
     if wrong:
         return Decision(DecisionKind.REPLAN, f"nothing is left to do, but {missing}", wrong)
     outcome = OutcomeKind.PARTIAL if verdict.holds else OutcomeKind.GAVE_UP
-    return _stop(outcome, f"the goal is believed to hold, but {missing} in {_looks(looks)}", unknown)
+    return _stop(outcome, f"the goal is believed to hold, but {missing} in {_looks(checks)}", unknown)
 
 
 def finish_blind(goal: Facts) -> Decision:

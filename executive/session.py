@@ -14,6 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from executive.errors import ExecutiveError
+from executive.guard import Guard
 from executive.protocols import Asking, Estimator, FaultSource, Sink, Skill, SkillContext, World
 from executive.types import (
     Decision,
@@ -21,11 +22,13 @@ from executive.types import (
     Dispatched,
     Event,
     Motion,
+    Moved,
     OutcomeKind,
     Payload,
     Phase,
     SkillResult,
     SkillStatus,
+    Step,
     Timing,
 )
 
@@ -49,6 +52,7 @@ class Session:
         )
         self._start, self._time, self._delivering = time.monotonic(), 0.0, 0.0
         self._cancelled, self._stage = False, "start"
+        self._action = self._moves = 0
 
     def cancel(self) -> None:
         """Have the skill at work stop, and `heed` end the run. A flag: safe from any thread and signal handler."""
@@ -110,23 +114,32 @@ class Session:
         except BaseException as order:
             return _stop(OutcomeKind.INTERRUPTED, f"{self._stage}: {type(order).__name__}"), order
 
-    def dispatch(self, order: Dispatched, skills: Mapping[str, Skill], faults: FaultSource | None) -> SkillResult:
-        """Hand a step to its skill. One that raises has crashed; its traceback is logged.
+    def dispatch(
+        self,
+        order: Dispatched,
+        skills: Mapping[str, Skill],
+        faults: FaultSource | None,
+        guard: Guard | None = None,
+    ) -> SkillResult:
+        """Hand a step to its skill, with the guard looking on. One that raises has crashed; its traceback is logged.
 
         The skill's chance is drawn from the run's seed and the action's number alone.
         """
         step, action = order.step, order.action
+        self._action, self._moves = action, 0
         self.emit(order)
         if faults:
             faults.before_action(action, step, self.emit)
 
         def announce(news: Phase | Motion) -> None:
             self.emit(news)
-            if faults and isinstance(news, Phase):
-                faults.on_phase(action, step, news, self.emit)
+            if isinstance(news, Phase):
+                if faults:
+                    faults.on_phase(action, step, news, self.emit)
+                if guard:
+                    guard.on_phase(news)
 
-        chance = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(action,)))
-        context = SkillContext(self._world.handle, chance, announce, lambda: self._cancelled)
+        context = self._context((action,), announce, guard.lost if guard else str)
         result = SkillResult(step, SkillStatus.CANCELLED, "interrupted")
         try:
             with self.stage("skill"):
@@ -141,11 +154,28 @@ class Session:
             log.exception("the skill for %s raised", step)
             result = SkillResult(step, SkillStatus.CRASHED, f"{type(error).__name__}: {error}")
         finally:
+            if guard:
+                guard.close()
             self.emit(result)
         self.heed()
         if faults:
             faults.after_action(action, step, self.emit)
         return result
+
+    def move(self, step: Step, skill: Skill) -> SkillResult:
+        """Have a skill bring the arm out of the way. It is no action: no fault strikes in it, and nothing is expected
+        of it. Its chance is drawn from the seed, the last action's number and how many moves there were since."""
+        self._moves += 1
+        with self.stage("skill"):
+            result = skill(step, self._context((self._action, self._moves), self.emit, str))
+        self.emit(Moved(step.action, result.status, result.reason, result.seconds))
+        return result
+
+    def _context(
+        self, key: tuple[int, ...], announce: Callable[[Phase | Motion], None], lost: Callable[[], str]
+    ) -> SkillContext:
+        chance = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
+        return SkillContext(self._world.handle, chance, announce, lambda: self._cancelled, lost)
 
     def close(self, last: Payload) -> None:
         """Deliver the last event, stamped with the time of the one before it, and close all sinks."""

@@ -15,10 +15,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from executive.attention import Attention
 from executive.errors import InputError, nearest
 from executive.loop import Executive
+from executive.monitor import Monitor, Thresholds
+from executive.monitor.plain import PlainMonitor
 from executive.policy import Settings
-from executive.protocols import FaultSource, SkillContext
+from executive.protocols import FaultSource, Skill, SkillContext
 from executive.types import (
     Atom,
     Belief,
@@ -384,6 +387,8 @@ class Stage:
     always: Mapping[Atom, Answer] = field(default_factory=dict)
     settings: Settings = field(default_factory=Settings)
     blind: bool = False
+    thresholds: Thresholds = field(default_factory=Thresholds)
+    attention: Attention | None = None
 
     def __post_init__(self) -> None:
         self.task = task(sorted(self.where), self.places, self.goal)
@@ -393,6 +398,8 @@ class Stage:
         self.estimator = ScriptedEstimator(self.world, self.looks, self.always)
         self.recorder = Recorder()
         self.faults: FaultSource | None = None
+        self.monitor: Monitor = PlainMonitor(self.task.atoms, self.thresholds)
+        self.moves: dict[str, Skill] = {}
 
     def executive(self) -> Executive:
         return Executive(
@@ -407,6 +414,9 @@ class Stage:
             initial=self.world.truth(self.task.atoms) if self.blind else None,
             domain="things",
             run="fake",
+            monitor=self.monitor,
+            attention=self.attention,
+            moves=self.moves,
         )
 
     def play(self) -> Ended:

@@ -7,7 +7,20 @@ from dataclasses import replace
 import pytest
 
 from executive.course import Course
-from executive.types import Decision, DecisionKind, Facts, OutcomeKind, Plan, SkillResult, SkillStatus
+from executive.monitor.plain import PlainMonitor
+from executive.types import (
+    Belief,
+    Decision,
+    DecisionKind,
+    Facts,
+    Ground,
+    Looked,
+    LookKind,
+    OutcomeKind,
+    Plan,
+    SkillResult,
+    SkillStatus,
+)
 from tests.fakes import FREE, at, held, pick, put, task
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
@@ -19,17 +32,34 @@ REPLAN = Decision(DecisionKind.REPLAN, "it failed")
 GIVE_UP = Decision(DecisionKind.GIVE_UP_GOAL, "it failed again")
 
 
+MONITOR = PlainMonitor(TASK.atoms)
+
+
+def looked(course: Course, seen: Facts, number: int) -> Course:
+    """With one more look, which asks about what is in `seen` and sees that."""
+    raw = Belief.certain(seen, number, "scripted")
+    memory, judgement = MONITOR.looked(course.memory, raw, course.cycle)
+    return course.looked(memory, judgement, raw, Looked(number, LookKind.FULL, len(seen), len(TASK.atoms), ("front",)))
+
+
+def dispatched(course: Course, result: SkillResult | None = None) -> Course:
+    course = course.dispatched()
+    result = result or SkillResult(course.left[0], SkillStatus.DONE)
+    return course.acted(result, MONITOR.acted(course.memory, result.step, result))
+
+
 def planned() -> Course:
-    return Course.of(TASK, Facts()).looked(START, 0).planned(Plan(STEPS, 4.0, "", 0.0), GOAL)
+    course = Course(TASK, GOAL, Facts(), MONITOR.begin())
+    return looked(course, START, 0).planned(Plan(STEPS, 4.0, "", 0.0), GOAL)
 
 
 def test_a_plan_is_carried_out_step_by_step() -> None:
     course = planned()
     assert (course.left, course.replans, course.looks) == (STEPS, 0, 1)
-    course = course.next_cycle().dispatched()
-    assert (course.actions, course.cycle, course.moment.looks) == (1, 1, ())
+    course = dispatched(course.next_cycle())
+    assert (course.actions, course.cycle, course.moment.looks, course.seen) == (1, 1, 0, Facts())
     assert course.moment.expected == GRIPPED
-    course = course.looked(GRIPPED, 1)
+    course = looked(course, GRIPPED, 1)
     turn = course.turn(SkillResult(STEPS[0], SkillStatus.DONE))
     assert turn.verdict.satisfied
     assert (turn.rest, turn.planned, turn.looks, turn.doubts) == ((0, 1, 2), 3, 1, {})
@@ -39,7 +69,7 @@ def test_a_plan_is_carried_out_step_by_step() -> None:
 
 
 def test_steps_that_are_left_out_keep_the_others_places_in_the_plan() -> None:
-    course = planned().dispatched().looked(GRIPPED | {at("b", "p"): False, at("b", "r"): True}, 1)
+    course = looked(dispatched(planned()), GRIPPED | {at("b", "p"): False, at("b", "r"): True}, 1)
     course = course.judged(course.turn(SkillResult(STEPS[0], SkillStatus.DONE)), REPLAN)
     assert (course.todo, course.left) == ((1,), STEPS[1:2])
 
@@ -47,7 +77,7 @@ def test_steps_that_are_left_out_keep_the_others_places_in_the_plan() -> None:
 def test_a_failure_is_counted_where_the_step_was_begun_from() -> None:
     course = planned()
     for attempt in range(1, 4):
-        course = course.dispatched().looked(START, attempt)
+        course = looked(dispatched(course), START, attempt)
         turn = course.turn(SkillResult(STEPS[0], SkillStatus.GRASP_MISSED))
         assert (turn.rest, turn.repeatable, turn.attempt, turn.failures) == (None, True, attempt, attempt)
         course = course.judged(turn, REPLAN)
@@ -57,40 +87,73 @@ def test_a_failure_is_counted_where_the_step_was_begun_from() -> None:
 
 
 def test_a_step_is_stuck_only_where_it_was_given_up_on() -> None:
-    course = planned().dispatched().looked(START, 1)
+    course = looked(dispatched(planned()), START, 1)
     assert not course.failed(STEPS[0], START, REPLAN).is_stuck
     stuck = course.failed(STEPS[0], START, GIVE_UP)
     assert stuck.is_stuck
     assert stuck.leads_nowhere(Plan(STEPS, 4.0, "", 0.0))
     assert not stuck.leads_nowhere(Plan(STEPS[2:], 2.0, "", 0.0))
-    assert not stuck.waiting().looked(GRIPPED, 2).is_stuck
+    assert not looked(stuck, GRIPPED, 2).is_stuck
 
 
-def test_looks_at_one_moment_are_settled_but_while_waiting_the_last_one_counts() -> None:
-    """Expected and first seen to be false, then seen to be true: an error of the eye, unless a change is waited for."""
-    course = planned().dispatched().looked(GRIPPED, 1)
+def test_what_a_look_did_not_ask_about_is_no_doubt_but_what_it_could_not_tell_is() -> None:
+    course, effects = dispatched(planned()), GRIPPED.only(STEPS[0].effects)
+    result = SkillResult(STEPS[0], SkillStatus.DONE)
+    focused = looked(course, effects, 1)
+    assert focused.expected == effects
+    assert focused.turn(result).verdict.satisfied
+    assert focused.turn(result).doubts == {}, "where b is was seen a cycle ago, and nobody asked"
+    raw = Belief(1, {}, frozenset({at("b", "p")}), "scripted")
+    memory, judgement = MONITOR.looked(focused.memory, raw, 3)
+    unanswered = focused.looked(memory, judgement, raw, Looked(2, LookKind.CLOSER, 1, len(TASK.atoms)))
+    assert unanswered.turn(result).doubts == {at("b", "p"): 3}
+    assert not unanswered.asked_all
+
+
+def test_a_small_task_is_asked_about_whole_and_a_large_one_where_it_matters() -> None:
+    course = dispatched(planned())
+    assert course.questions(len(TASK.atoms)) == TASK.atoms
+    few = course.questions(7)
+    assert set(few) == {*STEPS[0].effects, *STEPS[1].preconditions, *GOAL}
+    assert few[:3] == tuple(STEPS[0].effects), "what the step was to change comes first"
+    assert course.questions(4) == few[:4]
+
+
+def test_waiting_makes_another_moment_of_which_nothing_is_seen_yet() -> None:
+    course = looked(dispatched(planned()), GRIPPED, 1)
+    waiting = course.waiting(MONITOR.acted(course.memory, None))
+    assert (waiting.seen, waiting.known) == (Facts(), GRIPPED)
     help_came = GRIPPED | {at("b", "r"): True}
-    assert course.looked(help_came, 2).known.facts[at("b", "r")] is False
-    assert course.waiting().looked(help_came, 2).known.facts[at("b", "r")] is True
-    assert course.looked(help_came, 2).trusting_last_look().known.facts[at("b", "r")] is True
+    assert looked(waiting, help_came, 2).known[at("b", "r")] is True
 
 
 def test_what_is_assumed_is_known_but_was_never_seen() -> None:
     course = planned().dispatched().assumed()
-    assert course.known.facts == GRIPPED
-    assert course.known.age(held("a"), 5) is None
+    assert (course.known, course.seen) == (GRIPPED, Facts())
     assert course.left == STEPS[1:]
 
 
-def test_a_goal_is_seen_in_the_last_look_and_after_the_last_action() -> None:
+def test_a_decision_is_told_with_what_is_believed_and_which_look_said_so() -> None:
+    course = looked(dispatched(planned()), START.without([at("b", "p")]), 4)
+    told = course.grounded(Decision(DecisionKind.RETRY, "missed", (held("a"), at("b", "p"), at("b", "q"))))
+    assert told.report == SkillResult(STEPS[0], SkillStatus.DONE)
+    assert told.grounds == (
+        Ground(held("a"), True, False, 0.0, 4, ("front",)),
+        Ground(at("b", "p"), True, None, 1.0, 0, ("front",)),
+        Ground(at("b", "q"), False, False, 0.0, 4, ("front",)),
+    )
+
+
+def test_a_goal_is_seen_by_the_looks_after_the_last_action() -> None:
     reached = Decision(DecisionKind.STOP, "", outcome=OutcomeKind.GOAL_REACHED)
     there = Facts.closed({at("a", "q"), at("b", "r"), FREE}, TASK.atoms)
-    course = planned().looked(there, 1)
+    course = looked(dispatched(planned()), there, 1)
     assert course.ended(reached).goal_seen
     assert course.ended(reached).unreached == ()
     assert not course.ended(replace(reached, outcome=OutcomeKind.INTERRUPTED)).goal_seen
     assert not course.dispatched().ended(reached).goal_seen
-    assert not course.looked(there.without([at("b", "r")]), 2).ended(reached).goal_seen
+    assert looked(course, Facts({at("b", "q"): False}), 2).ended(reached).goal_seen, "a closer look at something else"
+    assert not looked(course, Facts({at("b", "r"): False}), 2).ended(reached).goal_seen
     assert planned().ended(reached).unreached == ("at(a,q)", "at(b,r)")
 
 
@@ -109,5 +172,5 @@ def test_only_a_stop_ends_a_run() -> None:
 def test_the_past_is_never_rewritten() -> None:
     before = planned()
     kept = replace(before)
-    before.next_cycle().dispatched().looked(GRIPPED, 1).failed(STEPS[0], START, GIVE_UP).assumed().waiting()
+    looked(dispatched(before.next_cycle()), GRIPPED, 1).failed(STEPS[0], START, GIVE_UP).assumed().waiting(None)
     assert before == kept

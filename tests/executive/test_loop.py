@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from executive.errors import ExecutiveError, InputError, MissingError
 from executive.faults import FaultInjector, parse_fault
 from executive.loop import Executive
+from executive.monitor import Thresholds
 from executive.policy import Settings
 from executive.protocols import SkillContext
 from executive.types import (
@@ -76,14 +77,16 @@ def well_told(events: Sequence[Event], stage: Stage, ended: Ended) -> None:
 
 
 def seen_honestly(events: Sequence[Event], stage: Stage, ended: Ended) -> None:
-    """A goal that is claimed to be seen was seen: whole, in one look, with no action after it."""
+    """A goal that is claimed to be seen was seen: all of it, in the looks since the last action."""
     since: list[Belief] = []
     for event in events:
         if isinstance(event.payload, Dispatched):
             since = []
         elif isinstance(event.payload, Belief) and event.payload.source != "assumed":
             since.append(event.payload)
-    seen = bool(since) and since[-1].facts(stage.settings.low, stage.settings.high).entails(stage.goal)
+    told = {atom: value for belief in since for atom, value in belief.probability.items()}
+    seen = bool(since) and all(stage.thresholds.truth(told[a]) is v for a, v in stage.goal.items() if a in told)
+    seen = seen and all(atom in told for atom in stage.goal)
     if ended.goal_seen:
         assert seen
         assert ended.outcome is OutcomeKind.GOAL_REACHED
@@ -104,8 +107,6 @@ class Chaos:
             {thing: dice.choice(["p", "q", "r", "hand", FLOOR]) if thing == "a" else "p" for thing in "ab"},
             settings=Settings(
                 seed=seed,
-                low=low,
-                high=max(low, dice.choice([0.5, 0.7, 1.0])),
                 max_cycles=dice.choice([0, 3, 40, 40, 40]),
                 max_actions=dice.choice([0, 2, 30, 30, 30]),
                 max_replans=dice.choice([0, 1, 12, 12, 12]),
@@ -116,6 +117,7 @@ class Chaos:
                 max_goal_plans=dice.choice([0, 1, 10]),
             ),
             blind=dice.random() < 0.1,
+            thresholds=Thresholds(low, max(low, dice.choice([0.5, 0.7, 1.0]))),
         )
         self.noise = dice.choice([0.0, 0.02, 0.2, 0.5])
         self.silence = dice.choice([0.0, 0.0, 0.1, 0.5, 1.0])
@@ -139,6 +141,7 @@ class Chaos:
             stage.settings,
             stage.faults,
             initial=world.truth(stage.task.atoms) if stage.blind else None,
+            monitor=stage.monitor,
         )
 
     def maybe_break(self) -> None:
@@ -284,7 +287,7 @@ def test_one_that_looks_is_not_told() -> None:
 def test_an_error_of_the_set_up_is_raised_once_the_trace_is_whole(error: ExecutiveError) -> None:
     stage = Stage(GOAL, {"a": "p", "b": "p"})
 
-    def observe(cause: str = "") -> Observation:
+    def observe(cause: str = "", cameras: Collection[str] | None = None) -> Observation:
         raise error
 
     stage.world.observe = observe  # type: ignore[method-assign]

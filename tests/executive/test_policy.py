@@ -137,9 +137,9 @@ def test_a_doubt_that_matters_is_looked_at_as_often_as_allowed() -> None:
 def test_an_eye_that_tells_nothing_ends_the_run_by_name() -> None:
     doubts = dict.fromkeys(EXPECTED)
     assert after(verdict=BLACK, doubts=doubts, rest=None).kind is DecisionKind.LOOK_AGAIN
-    decision = after(verdict=BLACK, doubts=doubts, rest=None, looks=3)
+    decision = after(verdict=BLACK, doubts=doubts, rest=None, looks=4)
     assert (decision.kind, decision.outcome) == (DecisionKind.STOP, OutcomeKind.GAVE_UP)
-    assert decision.reason == "nothing can be seen any more: 3 looks after place(a,q) told no atom"
+    assert decision.reason == "nothing can be seen any more: 4 looks after place(a,q) told no atom"
 
 
 def test_without_looks_to_spare_the_first_one_decides() -> None:
@@ -229,47 +229,61 @@ def test_a_run_opens_with_all_that_can_be_seen() -> None:
     known = Facts({FREE: True})
     assert policy.first(everything, Facts(dict.fromkeys(everything, True)), 1, SETTINGS).kind is DecisionKind.CONTINUE
     assert policy.first(everything, known, 1, SETTINGS).kind is DecisionKind.LOOK_AGAIN
-    assert policy.first(everything, known, 3, SETTINGS).kind is DecisionKind.CONTINUE
-    assert policy.first(everything, Facts(), 3, SETTINGS).outcome is OutcomeKind.GAVE_UP
+    assert policy.first(everything, known, 4, SETTINGS).kind is DecisionKind.CONTINUE
+    assert policy.first(everything, Facts(), 4, SETTINGS).outcome is OutcomeKind.GAVE_UP
     assert policy.first((), Facts(), 1, SETTINGS).kind is DecisionKind.CONTINUE
+
+
+def unplanned(no_plan: NoPlan, times: int, seen: Facts | None = None, doubts: tuple[Atom, ...] = (FREE,)) -> Decision:
+    return policy.unplanned(no_plan, times, doubts, Facts({FREE: True}) if seen is None else seen, SETTINGS)
 
 
 @pytest.mark.parametrize("reason", [NoPlanReason.TIMED_OUT, NoPlanReason.CRASHED])
 def test_a_planner_that_failed_is_asked_once_more(reason: NoPlanReason) -> None:
-    again = policy.unplanned(NoPlan(reason, "signal 11"), 1, looking=True)
+    again = unplanned(NoPlan(reason, "signal 11"), 1)
     assert (again.kind, again.reason) == (
         DecisionKind.REPLAN,
         f"the planner answers {reason}: signal 11; asking once more",
     )
-    assert policy.unplanned(NoPlan(reason), 2, looking=True).outcome is OutcomeKind.NO_PLAN
+    assert unplanned(NoPlan(reason), 2).outcome is OutcomeKind.NO_PLAN
 
 
 def test_a_state_without_a_plan_is_doubted_before_the_goal_is() -> None:
     unsolvable = NoPlan(NoPlanReason.UNSOLVABLE)
-    assert policy.unplanned(unsolvable, 1, looking=True).kind is DecisionKind.LOOK_AGAIN
-    assert policy.unplanned(unsolvable, 2, looking=True).kind is DecisionKind.GIVE_UP_GOAL
-    assert policy.unplanned(unsolvable, 1, looking=False).outcome is OutcomeKind.NO_PLAN
+    first = unplanned(unsolvable, 1, doubts=(at("a", "q"), FREE))
+    assert (first.kind, first.evidence) == (DecisionKind.LOOK_AGAIN, (at("a", "q"), FREE))
+    assert unplanned(unsolvable, 2).kind is DecisionKind.GIVE_UP_GOAL
+    assert unplanned(unsolvable, 1, doubts=()).outcome is OutcomeKind.NO_PLAN, "one that cannot look has no doubts"
+
+
+def test_what_cannot_be_told_is_looked_at_as_often_as_allowed_before_a_goal_is_given_up() -> None:
+    unsolvable = NoPlan(NoPlanReason.UNSOLVABLE)
+    for times in range(2, SETTINGS.max_looks_again + 1):
+        decision = unplanned(unsolvable, times, seen=Facts())
+        assert (decision.kind, decision.evidence) == (DecisionKind.LOOK_AGAIN, (FREE,))
+    assert unplanned(unsolvable, SETTINGS.max_looks_again + 1, seen=Facts()).kind is DecisionKind.GIVE_UP_GOAL
 
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
 
 
 def test_success_is_a_goal_that_is_seen() -> None:
-    def finish(verdict: Verdict, looks: int = 1) -> Decision:
-        return policy.finish(GOAL, verdict, looks, Facts(), "", None, SETTINGS)
+    def finish(verdict: Verdict, checks: int = 1) -> Decision:
+        return policy.finish(GOAL, verdict, checks, Facts(), "", None, SETTINGS)
 
     one, other = sorted(GOAL)
     assert finish(Verdict(frozenset(GOAL))).outcome is OutcomeKind.GOAL_REACHED
-    for verdict in (
+    wrong, unknown = (
         Verdict(frozenset({one}), frozenset({other})),
         Verdict(frozenset({one}), unknown=frozenset({other})),
-    ):
-        assert finish(verdict).kind is DecisionKind.LOOK_AGAIN
-    assert finish(Verdict(frozenset({one}), frozenset({other})), 3).kind is DecisionKind.REPLAN
-    unseen = finish(Verdict(frozenset({one}), unknown=frozenset({other})), 3)
+    )
+    assert finish(wrong).kind is finish(unknown).kind is DecisionKind.LOOK_AGAIN
+    assert finish(wrong, 2).kind is DecisionKind.REPLAN, "what is seen twice is believed"
+    assert finish(unknown, SETTINGS.max_looks_again).kind is DecisionKind.LOOK_AGAIN
+    unseen = finish(unknown, SETTINGS.max_looks_again + 1)
     assert unseen.outcome is OutcomeKind.PARTIAL
-    assert unseen.reason == "the goal is believed to hold, but cannot tell at(b,r) in 3 looks"
-    assert finish(Verdict(unknown=frozenset(GOAL)), 3).outcome is OutcomeKind.GAVE_UP
+    assert unseen.reason == "the goal is believed to hold, but cannot tell at(b,r) in 4 looks"
+    assert finish(Verdict(unknown=frozenset(GOAL)), 4).outcome is OutcomeKind.GAVE_UP
 
 
 def test_what_was_given_up_is_tried_again_or_named() -> None:
@@ -350,9 +364,7 @@ def test_each_budget_ends_the_run_by_its_name() -> None:
         assert stop.reason == f"the budget of {name} is used up"
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"low": 0.6}, {"high": 1.1}, {"low": -0.1}, {"low": float("nan")}, {"seed": -1}, {"max_retries": -1}]
-)
-def test_settings_refuse_nonsense(wrong: dict[str, float]) -> None:
+@pytest.mark.parametrize("wrong", [{"seed": -1}, {"max_retries": -1}, {"max_questions": 0}, {"guard_looks": -1}])
+def test_settings_refuse_nonsense(wrong: dict[str, int]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
-        Settings(**wrong)  # type: ignore[arg-type]
+        Settings(**wrong)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import pytest
 
 from executive.faults import FaultInjector, parse_fault
+from executive.monitor import Thresholds
 from executive.policy import Settings
 from executive.protocols import SkillContext
 from executive.types import (
@@ -224,7 +225,7 @@ def test_10_one_wrong_look_costs_a_look_and_nothing_else(wrong: dict[object, flo
 def test_11_neither_yes_nor_no_is_unknown_and_never_true() -> None:
     """At two thresholds, an answer between them; and an eye that answers "don't know" of the goal for ever."""
     for answer in (0.5, None):
-        stage = one(always={at("a", "q"): answer}, settings=Settings(low=0.3, high=0.7))
+        stage = one(always={at("a", "q"): answer}, thresholds=Thresholds(0.3, 0.7))
         ended = stage.play()
         assert not ended.goal_seen
         assert ended.outcome is not OutcomeKind.GOAL_REACHED
