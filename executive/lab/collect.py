@@ -7,7 +7,6 @@ collection that was killed goes on with the episodes that it lacks, and one may 
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import os
@@ -102,7 +101,7 @@ class Collection:
         self.config = config
         self.domain = load_domain(config.domain, config.problem)
         self._what = _described(config, self.domain)
-        self._digest = hashlib.sha256(json.dumps(self._what, sort_keys=True).encode()).hexdigest()
+        self._digest = dataset.digest(self._what)
         self._cancelled = False
         self._cameras = {camera.name: [camera.width, camera.height] for camera in read_scene(self.domain.scene).cameras}
         self._check_folder()

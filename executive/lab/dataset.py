@@ -8,6 +8,7 @@ a column of each. What is no row (attempts that failed, how an episode ended) is
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import os
@@ -146,6 +147,11 @@ def cut_shard(folder: Path, collection: str, log: Log, points: int) -> Log:
     cut = Log(log.episode, points, tuple(attempts), Ending.CUT)
     _write(folder, collection, cut, _table(shard(folder, log.episode)).slice(0, points))
     return cut
+
+
+def digest(described: Mapping[str, Any]) -> str:
+    """What each file of a collection says that it belongs to, made from the manifest's description of it."""
+    return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
 
 
 def read_log(folder: Path, collection: str, episode: int) -> Log:

@@ -23,14 +23,15 @@ Memory: TypeAlias = Any
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """What is true at or above `high`, false below `low`, and unknown in between (see `Belief.truth`)."""
+    """What is true at or above `high`, false below `low`, and unknown in between (see `Belief.truth`). Nothing is ever
+    true where `high` is above 1, nor false where `low` is 0."""
 
     low: float = 0.5
     high: float = 0.5
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.low <= self.high <= 1.0:
-            raise ValueError(f"thresholds must satisfy 0 <= low <= high <= 1, got low {self.low}, high {self.high}")
+        if not 0.0 <= self.low <= self.high:
+            raise ValueError(f"thresholds must satisfy 0 <= low <= high, got low {self.low}, high {self.high}")
 
     def truth(self, probability: float) -> bool | None:
         if probability >= self.high:

@@ -1,0 +1,246 @@
+"""How far an eye can be trusted in a domain: what its answers are worth, and how sure it has to be for an error rate.
+
+Both are learned from looks whose truth is known (an evaluation's, see `executive calibrate`) and lie in a file beside
+the model, `trust.json`, domain by domain.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import tempfile
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from executive.errors import DomainError, InputError, nearest
+from executive.monitor.actions import Chances
+from executive.monitor.conformal import Conformal
+from executive.monitor.eye import Eye, Reading
+from executive.monitor.fused import FusedMonitor
+from executive.monitor.groups import Network
+from executive.types import Atom, Belief, SkillStatus
+
+FILE = "trust.json"
+"""What the file is called that lies beside a model."""
+
+PRIOR = 10.0
+"""Rates are what they would be with so many more answers at the rates that are assumed where nothing was measured."""
+
+_FORMAT = 1
+_LARGEST = 20_000_000
+_ABOUT = (
+    "How far this model's answers can be trusted (executive.trust), by domain and predicate: an answer's evidence is "
+    "slope * log-odds + bias, and no more than false_alarms and misses allow; scores are the nonconformity of "
+    "calibration looks (executive.monitor.conformal)."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What was learned of one eye in one domain, from `looks` looks."""
+
+    eye: Eye
+    conformal: Conformal
+    looks: int
+
+
+def fit(looks: Sequence[tuple[Mapping[Atom, float], Mapping[Atom, bool]]], network: Network) -> Trust:
+    """Learn from labelled looks: the probability of each answered atom, as a run would get it, and the truth.
+
+    What answers are worth is learned from every other look. The rest is for thresholds: each of these looks is made
+    consistent by the mutex groups of `network`, as in a run, and scored. Their order matters only for which goes where.
+
+    Raises:
+        InputError: there are fewer than two looks with answers.
+    """
+    from executive.s3e.calibration import fit as fit_calibration
+
+    kept = [(probability, truth) for probability, truth in looks if probability.keys() & truth.keys()]
+    if len(kept) < 2:
+        raise InputError("there is nothing to learn from: fewer than two looks have answers and labels")
+    for_eye, for_thresholds = kept[::2], kept[1::2]
+    scaling = fit_calibration([(Belief(-1, probability), truth) for probability, truth in for_eye])
+    readings = {}
+    for predicate, correction in scaling.predicates.items():
+        pairs = [
+            (probability[atom], truth[atom])
+            for probability, truth in for_eye
+            for atom in probability
+            if atom.predicate == predicate and atom in truth
+        ]
+        misses = _rate([value < 0.5 for value, true in pairs if true], Reading().misses)
+        false_alarms = _rate([value >= 0.5 for value, true in pairs if not true], Reading().false_alarms)
+        if misses + false_alarms >= 0.99:  # the answers say nothing, or the opposite
+            misses = false_alarms = 0.495
+        base = (correction.true + 1) / (correction.true + correction.false + 2)
+        bias = correction.bias - math.log(base / (1 - base))
+        readings[predicate] = Reading(false_alarms, misses, correction.slope, bias)
+    eye = Eye(readings)
+    monitor = FusedMonitor(network, eye, actions=None)
+    judged = [
+        (monitor.looked(monitor.begin(), Belief(-1, probability), 0)[1].belief.probability, truth)
+        for probability, truth in for_thresholds
+    ]
+    return Trust(eye, Conformal.of(judged), len(kept))
+
+
+def _rate(wrong: Sequence[bool], assumed: float) -> float:
+    return (sum(wrong) + PRIOR * assumed) / (len(wrong) + PRIOR)
+
+
+def load_outcomes(file: Path, actions: Collection[str]) -> Mapping[tuple[str, SkillStatus], Chances]:
+    """How often the actions came to what, by action and by what the skill reported: a domain's `outcomes.toml`.
+
+    Raises:
+        DomainError: the first mistake, in one line with file and key.
+    """
+    try:
+        said = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise DomainError(f"is not TOML: {error}", file=file) from None
+    statuses = [status.value for status in SkillStatus]
+    counts = {}
+    for action, table in said.items():
+        if action not in actions:
+            raise DomainError(f"there is no action {action!r}; {nearest(action, actions)}", file=file, key=action)
+        if not isinstance(table, dict):
+            raise DomainError(f"expected a table, got {table!r:.40}", file=file, key=action)
+        for status, numbers in table.items():
+            key = f"{action}.{status}"
+            if status not in statuses:
+                raise DomainError(f"no skill reports {status!r}; {nearest(status, statuses)}", file=file, key=key)
+            if (
+                not isinstance(numbers, list)
+                or len(numbers) != len(Chances._fields)
+                or not all(type(number) is int and number >= 0 for number in numbers)
+            ):
+                raise DomainError(
+                    f"expected three counts (all effects, nothing, something else), got {numbers!r:.40}",
+                    file=file,
+                    key=key,
+                )
+            counts[action, SkillStatus(status)] = Chances(*numbers)
+    return counts
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class _Predicate(_Table):
+    false_alarms: float
+    misses: float
+    slope: float
+    bias: float
+    scores: list[float] = []
+
+
+class _Domain(_Table):
+    looks: int = Field(ge=0)
+    alike: float
+    predicates: dict[str, _Predicate]
+
+
+class _Document(_Table):
+    about: str = ""
+    format: int
+    domains: dict[str, _Domain]
+
+
+def save(path: Path, domain: str, trust: Trust) -> Path:
+    """Write what was learned about a domain beside what the file says of others; given a folder (a model's),
+    `trust.json` in it. The file is whole or as it was.
+
+    Raises:
+        InputError: it cannot be written, or what is there is no such file.
+    """
+    file = path / FILE if path.is_dir() else path
+    domains = dict(_read(file).domains) if file.exists() else {}
+    predicates = {
+        name: _Predicate(
+            false_alarms=reading.false_alarms,
+            misses=reading.misses,
+            slope=reading.slope,
+            bias=reading.bias,
+            scores=[round(score, 9) for score in trust.conformal.scores.get(name, ())],
+        )
+        for name, reading in sorted(trust.eye.readings.items())
+    }
+    domains[domain] = _Domain(looks=trust.looks, alike=trust.eye.alike, predicates=predicates)
+    document = _Document(about=_ABOUT, format=_FORMAT, domains=dict(sorted(domains.items())))
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
+        try:
+            with open(handle, "w", encoding="utf-8") as stream:
+                stream.write(json.dumps(document.model_dump(), indent=1) + "\n")
+            os.chmod(name, 0o644)
+            os.replace(name, file)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(name)
+            raise
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror})", file=file) from None
+    return file
+
+
+def load(path: Path, domain: str) -> Trust:
+    """What was learned about a domain; given a folder, from `trust.json` in it.
+
+    Raises:
+        InputError: the first mistake, in one line with file and key, or nothing was learned about that domain.
+    """
+    file = path / FILE if path.is_dir() else path
+    domains = _read(file).domains
+    if domain not in domains:
+        raise InputError(f"says nothing of the domain {domain!r}; {nearest(domain, domains)}", file=file, key="domains")
+    table = domains[domain]
+    readings, scores = {}, {}
+    for name, said in table.predicates.items():
+        try:
+            readings[name] = Reading(said.false_alarms, said.misses, said.slope, said.bias)
+            if said.scores:
+                scores[name] = Conformal({name: tuple(said.scores)}).scores[name]
+        except ValueError as error:
+            raise InputError(str(error), file=file, key=f"domains.{domain}.predicates.{name}") from None
+    try:
+        return Trust(Eye(readings, alike=table.alike), Conformal(scores), table.looks)
+    except ValueError as error:
+        raise InputError(str(error), file=file, key=f"domains.{domain}.alike") from None
+
+
+def beside(vlm: str | None) -> Path | None:
+    """The file beside a model's folder, if there is one."""
+    file = None if vlm is None else Path(vlm).expanduser() / FILE
+    return file if file is not None and file.is_file() else None
+
+
+def _read(file: Path) -> _Document:
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(_LARGEST + 1)
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
+    if len(data) > _LARGEST:
+        raise InputError(f"has more than {_LARGEST:,} bytes, which no such file has", file=file)
+    try:
+        said: Any = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is not JSON ({error})", file=file) from None
+    try:
+        document = _Document.model_validate(said)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"])) or None
+        raise InputError(f"is not what Executive wrote ({first['msg']})", file=file, key=key) from None
+    if document.format != _FORMAT:
+        raise InputError(f"expected {_FORMAT}, got {document.format}", file=file, key="format")
+    return document
