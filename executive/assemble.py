@@ -15,8 +15,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from executive.attention import Attention
 from executive.domain import Domain, load_domain
-from executive.errors import InputError, nearest
+from executive.errors import DomainError, InputError, nearest
 from executive.eye import NO_MODEL, EyeConfig, open_eye
 from executive.faults import Fault, FaultInjector, parse_fault
 from executive.loop import Executive
@@ -148,6 +149,8 @@ class Run:
             initial=initial,
             domain=self.domain.name,
             run=self.folder.name,
+            attention=_attention(self.domain, self.world),
+            moves=load_moves(self.domain),
         )
 
 
@@ -161,6 +164,27 @@ def load_skills(domain: Domain) -> Mapping[str, Skill]:
     """Each action's skill, from the entry-point group `executive.skills`."""
     points = {point.name: point for point in entry_points(group="executive.skills")}
     return {action: points[skill].load() for action, skill in domain.skills.items()}
+
+
+def load_moves(domain: Domain) -> Mapping[str, Skill]:
+    """The skills that bring the arm out of the way, in turn, from the same group."""
+    points = {point.name: point for point in entry_points(group="executive.skills")}
+    return {name: points[name].load() for name in domain.looking.moves}
+
+
+def _attention(domain: Domain, world: MujocoWorld) -> Attention:
+    """Where to look for what.
+
+    Raises:
+        DomainError: the domain names a camera that the scene does not have.
+    """
+    looking, cameras = domain.looking, [camera.name for camera in world.spec.cameras]
+    for key, names in {"guard": looking.guard, **{f"closer.{name}": of for name, of in looking.closer.items()}}.items():
+        for name in names:
+            if name not in cameras:
+                message = f"the scene has no camera {name!r}; {nearest(name, cameras)}"
+                raise DomainError(message, file=domain.files[0], key=f"looking.{key}")
+    return Attention(looking.closer, looking.carried, looking.guard)
 
 
 def _items(domain: Domain) -> list[str]:

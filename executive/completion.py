@@ -15,7 +15,8 @@ Offer = list[tuple[str, str]]
 
 def domains() -> Offer:
     """The domains that come along, and the domain folders that lie here."""
-    from executive.domain import MANIFEST, list_domains
+    from executive.domain import list_domains
+    from executive.manifest import MANIFEST
 
     shipped = [(name, "comes with Executive") for name in list_domains()]
     return shipped + _offered(
@@ -25,7 +26,8 @@ def domains() -> Offer:
 
 def problems(domain: object) -> Offer:
     """The problems of a domain, by its folder or its name."""
-    from executive.domain import MANIFEST, load_domain
+    from executive.domain import load_domain
+    from executive.manifest import MANIFEST
 
     if not isinstance(domain, str):
         return []

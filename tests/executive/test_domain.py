@@ -12,12 +12,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from executive.domain import LARGEST, Domain, list_domains, load_domain, load_subject
+from executive.domain import Domain, list_domains, load_domain, load_subject
 from executive.errors import DomainError
+from executive.manifest import LARGEST
 
 ROOT = Path(__file__).resolve().parents[2]
 TRAY = ROOT / "tests" / "domains" / "tray"
-SKILLS = ("pick", "place")
+SKILLS = ("pick", "place", "home", "aside")
 RELATIONS = ("on", "gripping", "gripper-empty")
 
 
@@ -64,10 +65,14 @@ def test_the_shipped_domain_is_found_by_name_from_anywhere(tmp_path: Path, monke
     }
     assert domain.task is domain.parsed.task
     read = ["domain.toml", "domain.pddl", "problem.pddl", "scene.toml", "questions.toml", "instructions.md"]
-    assert [file.name for file in domain.files] == read
-    assert (domain.scene, domain.subject.questions, domain.subject.instructions) == domain.files[3:]
+    assert [file.name for file in domain.files] == [*read, "outcomes.toml"]
+    assert (domain.scene, domain.subject.questions, domain.subject.instructions) == domain.files[3:6]
     assert domain.subject.task is domain.task
     assert domain.subject.pddl == domain.files[1]
+    assert domain.looking.moves == ("home", "aside")
+    assert domain.looking.closer["wood-table"] == ("wood",)
+    assert domain.looking.carried == {"pick": ("robot-gripping", (0,)), "place": ("robot-gripping", (0,))}
+    assert load("grocery", "one-item").looking == domain.looking, "a problem may do without some of the objects"
 
 
 def test_problems_are_found_by_name_and_by_path(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,7 +165,35 @@ MISTAKES = {
     "terminal codes": ('title = "Two', '"\\u001b[31mtitle" = "Two', "unknown key; did you mean 'title'?"),
     "nested without end": ('"Two cubes and a tray"', "[" * 5000, "is not TOML that anyone would write"),
 }
+# The same for what the manifest of the smallest domain does not say; it is put at the end.
+LOOKING = {
+    "unknown key of looking": ("[looking]\nmove = []", "looking.move: unknown key; did you mean 'moves'?"),
+    "unknown move": ('[looking]\nmoves = ["hom"]', "looking.moves: no skill 'hom' is registered; did you mean 'home'?"),
+    "unknown object": (
+        '[looking.closer]\ntray-on = ["top"]', "looking.closer.tray-on: there is no predicate and no object 'tray-on'",
+    ),
+    "a camera for cameras": ('[looking.closer]\nholding = "top"', "should be a valid list, got 'top'"),
+}
+CARRYING = {
+    "holding": "'holding' is not a predicate of the action's parameters, such as holding(?item)",
+    "held(?cube)": "there is no predicate 'held'; valid: ",
+    "holding()": "holding has 1 parameter, not 0",
+    "holding(?cub)": "drop has no parameter ?cub; did you mean '?cube'?",
+}
 # fmt: on
+
+
+@pytest.mark.parametrize(("text", "words"), LOOKING.values(), ids=LOOKING)
+def test_a_mistake_in_how_to_look_is_named(folder: Path, text: str, words: str) -> None:
+    with (folder / "domain.toml").open("a") as file:
+        file.write(f"\n{text}\n")
+    assert words in said(folder)
+
+
+@pytest.mark.parametrize(("text", "words"), CARRYING.items(), ids=CARRYING)
+def test_a_mistake_in_what_is_carried_is_named(folder: Path, text: str, words: str) -> None:
+    edit(folder, 'skill = "place"', f'skill = "place"\ncarrying = "{text}"')
+    assert f"line 18: actions.drop.carrying: {words}" in said(folder)
 
 
 @pytest.mark.parametrize(("old", "new", "words"), MISTAKES.values(), ids=MISTAKES)

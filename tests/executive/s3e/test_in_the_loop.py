@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,11 +24,13 @@ GOAL = Facts({at("cup", "q"): True})
 
 
 class PicturedWorld(FakeWorld):
-    """A picture of this world is the number of the observation."""
+    """A picture of this world is the number of the observation, beside something bright."""
 
-    def observe(self, cause: str = "") -> Observation:
-        seen = super().observe(cause)
-        return replace(seen, images={"front": np.full((2, 2, 3), seen.id, dtype=np.uint8)})
+    def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
+        seen = super().observe(cause, cameras)
+        image = np.full((2, 2, 3), 255, dtype=np.uint8)
+        image[0, 0] = seen.id
+        return replace(seen, images={"front": image})
 
 
 def played(say: Callable[[Atom, bool], Said], questions: Questions | None = None) -> tuple[Stage, Any]:
