@@ -1,0 +1,1 @@
+"""Growing an eye: a small vision-language model for one simulated domain, from nothing (`executive train`)."""

@@ -1,0 +1,134 @@
+"""Gradient descent that can be stopped at any moment and gone on with: what every stage of training is run by."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+Told = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How a stage descends: over `steps`, at a rate that rises to `rate` in `warm` steps and falls to nothing along a
+    cosine, with `slow` as the share of it that the parts named there get."""
+
+    steps: int
+    rate: float
+    warm: int = 50
+    decay: float = 0.05
+    clip: float = 1.0
+
+    def at(self, step: int) -> float:
+        """The rate at a step."""
+        rise = min(1.0, (step + 1) / self.warm)
+        return self.rate * rise * (0.5 * (1.0 + math.cos(math.pi * min(step, self.steps) / self.steps)) + 0.01)
+
+
+class Cancelled(Exception):
+    """Training was asked to stop; it has been saved."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """How far a stage is, for those who watch: what the steps since the last report came to on average."""
+
+    stage: str
+    step: int
+    steps: int
+    seconds: float
+    told: Told
+
+
+def descend(
+    stage: str,
+    file: Path,
+    parts: Mapping[str, nn.Module],
+    pace: Pace,
+    one: Callable[[int, np.random.Generator], tuple[torch.Tensor, Told]],
+    seed: int,
+    watch: Callable[[Report], None] = lambda report: None,
+    stopped: Callable[[], bool] = lambda: False,
+    rates: Mapping[str, float] | None = None,
+    every: int = 100,
+) -> None:
+    """Run a stage to its end, going on from `file` where that exists; the parts then are what the stage made of them.
+
+    Args:
+        one: makes the loss of a step, given its number and the chance that belongs to it, and tells how good it was.
+        rates: part -> share of the pace's rate, where it is not 1.
+        every: steps between two saves and two reports.
+
+    Raises:
+        Cancelled: `stopped` said so; the state is saved.
+        FloatingPointError: the loss is not a number.
+    """
+    groups = [
+        {"params": list(part.parameters()), "share": (rates or {}).get(name, 1.0)} for name, part in parts.items()
+    ]
+    optimizer = torch.optim.AdamW(groups, lr=pace.rate, weight_decay=pace.decay, betas=(0.9, 0.98))
+    begin = _restored(file, parts, optimizer)
+    told: list[Told] = []
+    since = time.monotonic()
+    for step in range(begin, pace.steps):
+        for group in optimizer.param_groups:
+            group["lr"] = pace.at(step) * group["share"]
+        sequence = np.random.SeedSequence([seed, step])
+        torch.manual_seed(int(sequence.generate_state(1)[0]))
+        loss, news = one(step, np.random.default_rng(sequence))
+        if not math.isfinite(float(loss.detach())):
+            raise FloatingPointError(f"{stage}: the loss of step {step} is not a number")
+        optimizer.zero_grad()
+        loss.backward()
+        for group in optimizer.param_groups:
+            nn.utils.clip_grad_norm_(group["params"], pace.clip)
+        optimizer.step()
+        told.append(news)
+        done, stop = step + 1, stopped()
+        if stop or done % every == 0 or done == pace.steps:
+            _save(file, parts, optimizer, done)
+            watch(Report(stage, done, pace.steps, (time.monotonic() - since) / len(told), _mean(told)))
+            told, since = [], time.monotonic()
+        if stop:
+            raise Cancelled(stage)
+
+
+def finished(file: Path, steps: int) -> bool:
+    """Whether a stage has been run to its end."""
+    return file.exists() and int(torch.load(file, weights_only=True)["step"]) >= steps
+
+
+def _restored(file: Path, parts: Mapping[str, nn.Module], optimizer: torch.optim.Optimizer) -> int:
+    if not file.exists():
+        return 0
+    saved = torch.load(file, weights_only=True)
+    for name, part in parts.items():
+        part.load_state_dict(saved["parts"][name])
+    optimizer.load_state_dict(saved["optimizer"])
+    return int(saved["step"])
+
+
+def _save(file: Path, parts: Mapping[str, nn.Module], optimizer: torch.optim.Optimizer, step: int) -> None:
+    state: dict[str, Any] = {
+        "step": step,
+        "parts": {name: part.state_dict() for name, part in parts.items()},
+        "optimizer": optimizer.state_dict(),
+    }
+    passing = file.with_name(f".{file.name}.{os.getpid()}")
+    torch.save(state, passing)
+    passing.replace(file)
+
+
+def _mean(told: list[Told]) -> dict[str, float]:
+    names = dict.fromkeys(name for news in told for name in news)
+    values = {name: np.array([news[name] for news in told if name in news]) for name in names}
+    return {name: float(np.nanmean(value)) if np.isfinite(value).any() else math.nan for name, value in values.items()}

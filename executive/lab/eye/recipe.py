@@ -1,0 +1,227 @@
+"""From nothing to an eye: the stages of training, one after the other, each of which can be gone on with.
+
+1. Pictures: moments are drawn, and kept with what each pixel shows (`pictures`).
+2. Tower: it learns from dense labels what each cell shows, and what is true of that (`tower`).
+3. Language: the decoder learns to look words up, on scenes that are only imagined (`decoder`).
+4. Together: the projector is taught to say in the decoder's words what the tower sees; then all of it learns from
+   pictures, questions and answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+from executive.domain import Domain
+from executive.lab.eye import decoder, network, pictures, tower, words
+from executive.lab.eye.asking import Asker
+from executive.lab.eye.descent import Pace, Report, Told, descend
+from executive.lab.eye.network import Size
+from executive.lab.eye.subject import Subject
+from executive.lab.eye.wordings import Wordings
+from executive.s3e import prompts
+from executive.s3e.questions import Templates, generic, load_instructions
+
+TOWER, LANGUAGE, TOGETHER = "tower.pt", "language.pt", "together.pt"
+
+Watch = Callable[[Report], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How much of everything. The numbers are those of the eye that is shipped.
+
+    `shards` of `pictures.SHARD` moments each; `batch` pictures a step in stage 2, `scenes` a step in stages 3 and 4 and
+    `questions` about each; `align` are the first steps of stage 4, in which only the projector learns.
+    """
+
+    size: Size = field(default_factory=Size)
+    shards: int = 44
+    tower: Pace = Pace(1200, 2e-3, 100, clip=2.0)
+    language: Pace = Pace(700, 1.5e-3)
+    together: Pace = Pace(1400, 7e-4)
+    batch: int = 80
+    scenes: int = 12
+    questions: int = 16
+    align: int = 120
+    vocabulary: int = 1200
+
+
+class Eye:
+    """An eye that is being grown: all of its parts, and what it is asked.
+
+    Args:
+        seed: fixes everything.
+    """
+
+    def __init__(self, domain: Domain, recipe: Recipe, seed: int, wordings: Path | None = None) -> None:
+        torch.manual_seed(seed)
+        self.recipe, self.seed, self.domain = recipe, seed, domain
+        self.subject = Subject.of(domain)
+        said = domain.subject
+        templates = Templates.read(said.questions) if said.questions is not None else generic(domain.task)
+        self.wordings = Wordings.of(domain.task, templates, wordings)
+        instructions = load_instructions(said.instructions) if said.instructions is not None else ""
+        instructed = prompts.instructed(prompts.QUESTION_ANSWERING, instructions)
+        untranslated = prompts.no_translation(said.pddl.read_text(encoding="utf-8"), domain.task.objects)
+        self.systems = [("", 0.45), (prompts.QUESTION_ANSWERING, 0.3), (instructed, 0.25)]
+        self.tokenizer = words.make_tokenizer(self._corpus([instructed, untranslated]), recipe.vocabulary)
+        self.model = network.build(recipe.size, self.tokenizer)
+        self.dense = tower.Dense(recipe.size, self.subject)
+        self.codes = decoder.Codes(self.model, self.tokenizer, self.subject, self.wordings)
+        self.probe = decoder.Probe(recipe.size, self.subject)
+        self.asker = Asker(self.subject, self.wordings, self.tokenizer, self.systems, untranslated, seed)
+        marks = self.tokenizer.convert_tokens_to_ids(list(words.PICTURES))
+        self._marks = torch.tensor(marks)
+
+    def _corpus(self, texts: Sequence[str]) -> list[str]:
+        import random
+
+        rng = random.Random(self.seed)
+        asked = [self.wordings.draw(atom, rng)[0] for _ in range(400) for atom in self.domain.task.atoms]
+        named = [name for names in self.wordings.names.values() for name in names]
+        return [*asked, *(5 * [*texts, *Asker.corpus(self.subject), *named, *map(str, self.domain.task.atoms)])]
+
+    # Stage 2.
+
+    def learn_to_see(self, folder: Path, out: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
+        """Train the tower on the shards in `folder`."""
+        pool, recipe = Pool(folder), self.recipe
+        seeing = self.model.model.vision_tower.to(memory_format=torch.channels_last)
+
+        def one(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Told]:
+            raw, masks, facts = pool.single(recipe.batch, rng)
+            last, before = tower.features(seeing, tower.prepared(raw, rng))
+            loss, told = self.dense(last, before, torch.from_numpy(masks), torch.from_numpy(facts))
+            return loss, told
+
+        parts = {"tower": seeing, "dense": self.dense}
+        seeing.train()
+        descend("tower", out / TOWER, parts, recipe.tower, one, self.seed, watch, stopped)
+
+    # Stage 3.
+
+    def learn_to_read(self, states: np.ndarray[Any, Any], out: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
+        """Train the decoder on imagined scenes, in states (N, A) such as these."""
+        recipe, asker = self.recipe, self.asker
+
+        def one(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Told]:
+            facts, shown = decoder.Imagined(self.subject, states, rng).scenes(recipe.scenes)
+            asker.begin(int(rng.integers(2**31)))
+            asked = asker.ask(facts, shown.shape[1], recipe.questions, max(0.1, 0.6 - step / 400))
+            tokens = self.codes(shown)
+            tokens = tokens + 0.05 * torch.randn_like(tokens)
+            return self._learn(tokens, asked)
+
+        parts = {"decoder": self.model.model.language_model, "codes": self.codes, "probe": self.probe}
+        self.model.train()
+        descend("language", out / LANGUAGE, parts, recipe.language, one, self.seed + 1, watch, stopped)
+
+    # Stage 4.
+
+    def learn_together(self, folder: Path, out: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
+        """Train everything on pictures and questions."""
+        pool, recipe, asker, model = Pool(folder), self.recipe, self.asker, self.model.model
+        model.vision_tower.to(memory_format=torch.channels_last)
+
+        def one(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Told]:
+            aligning = step < recipe.align
+            raw, masks, facts = pool.scenes(recipe.scenes, rng)
+            cameras = raw.shape[1]
+            flat = tower.prepared(raw.reshape(-1, *raw.shape[2:]), rng)
+            with torch.set_grad_enabled(not aligning):
+                last, before = tower.features(model.vision_tower, flat)
+            cells = model.multi_modal_projector(last.float().flatten(2).permute(0, 2, 1))
+            every = np.repeat(facts, cameras, axis=0)
+            meant = self.codes(self._shown(masks.reshape(-1, *masks.shape[2:]), every)).detach()
+            apart = F.mse_loss(cells, meant) / meant.var()
+            if aligning:
+                return apart, {"apart": float(apart.detach())}
+            asker.begin(int(rng.integers(2**31)))
+            tokens = self.row(cells.reshape(len(facts), cameras, *cells.shape[1:]))
+            asked = asker.ask(facts, tokens.shape[1], recipe.questions, 0.1)
+            loss, told = self._learn(tokens, asked)
+            dense, seen = self.dense(
+                last, before, torch.from_numpy(masks.reshape(-1, *masks.shape[2:])), torch.from_numpy(every)
+            )
+            share = 0.3 * max(0.0, 1.0 - 2.0 * step / recipe.together.steps)
+            return loss + 0.3 * dense + share * apart, {**told, **seen, "apart": float(apart.detach())}
+
+        parts = {
+            "tower": model.vision_tower,
+            "dense": self.dense,
+            "projector": model.multi_modal_projector,
+            "decoder": model.language_model,
+            "probe": self.probe,
+        }
+        self.model.train()
+        rates = {"tower": 0.6, "dense": 0.6}
+        descend("together", out / TOGETHER, parts, recipe.together, one, self.seed + 2, watch, stopped, rates)
+
+    def row(self, cells: torch.Tensor) -> torch.Tensor:
+        """The tokens that a scene's row begins with: (B, C, N, D) to (B, C * (1 + N), D), each picture's mark first."""
+        count, cameras, _, width = cells.shape
+        marks = self.model.model.language_model.embed_tokens(self._marks[:cameras])
+        marks = marks[None, :, None, :].expand(count, cameras, 1, width)
+        return torch.cat([marks, cells], 2).reshape(count, -1, width)
+
+    # Inside.
+
+    def _learn(self, tokens: torch.Tensor, asked: Any) -> tuple[torch.Tensor, Told]:
+        logits, inner = decoder.answers(self.model, tokens, asked)
+        loss = decoder.loss_of(logits, inner, self.probe, asked, self.asker.affirmative)
+        told = {"loss": float(loss.total.detach()), "yes": loss.yes, "no": loss.no}
+        return loss.total, {**told, "open": loss.open, "probe": loss.probe}
+
+    def _shown(self, masks: np.ndarray[Any, Any], facts: np.ndarray[Any, Any]) -> torch.Tensor:
+        """What each cell shows as `Codes` takes it: (B, N, items + facets), from 0 to 1."""
+        pixels = tower.shown(torch.from_numpy(masks), len(self.subject.items), self.recipe.size.grid)
+        amount = (pixels / 12.0).clamp_max_(1.0)
+        true = torch.from_numpy(facts).float()[:, self.subject.facet_atoms, None, None]
+        each = torch.cat([amount, amount[:, self.subject.facet_items] * true], 1)
+        return each.flatten(2).permute(0, 2, 1)
+
+
+class Pool:
+    """Random access to the shards of a folder, those that are added meanwhile included."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._open: dict[int, pictures.Shard] = {}
+
+    def scenes(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray[Any, Any], ...]:
+        """Pictures (B, C, S, S, 3), masks (B, C, M, M) and facts (B, A) of moments at random."""
+        drawn = [self._one(rng) for _ in range(count)]
+        return tuple(
+            np.stack([getattr(shard, name)[index] for shard, index in drawn]) for name in ("pictures", "items", "facts")
+        )
+
+    def single(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray[Any, Any], ...]:
+        """The same of single pictures: (B, S, S, 3), (B, M, M), (B, A)."""
+        drawn = [self._one(rng) for _ in range(count)]
+        chosen = [(shard, at, int(rng.integers(shard.pictures.shape[1]))) for shard, at in drawn]
+        return (
+            np.stack([shard.pictures[at, camera] for shard, at, camera in chosen]),
+            np.stack([shard.items[at, camera] for shard, at, camera in chosen]),
+            np.stack([shard.facts[at] for shard, at, _ in chosen]),
+        )
+
+    def states(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """The states of all moments, (N, A)."""
+        return np.concatenate([self._shard(number).facts for number in pictures.shards(self._folder)])
+
+    def _one(self, rng: np.random.Generator) -> tuple[pictures.Shard, int]:
+        numbers = pictures.shards(self._folder)
+        shard = self._shard(numbers[int(rng.integers(len(numbers)))])
+        return shard, int(rng.integers(len(shard.facts)))
+
+    def _shard(self, number: int) -> pictures.Shard:
+        if number not in self._open:
+            self._open[number] = pictures.read_shard(self._folder, number)
+        return self._open[number]
