@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import time
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -72,7 +74,7 @@ def load(folder: Path) -> Evaluation:
             answers = Answers(atoms, kept["probability"], kept["truth"])
             looks = tuple((int(episode), int(step)) for episode, step in kept["looks"])
             return Evaluation(told["name"], told["about"], answers, looks, kept["surprising"], kept["seconds"])
-    except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"is a damaged evaluation ({error})", file=folder) from None
 
 

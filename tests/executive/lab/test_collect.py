@@ -20,9 +20,10 @@ import pytest
 from executive import cli
 from executive.errors import DomainError, ExecutiveError, InputError
 from executive.lab import dataset
-from executive.lab.collect import FRUITLESS, CollectConfig, Collection, Progress
+from executive.lab.collect import FRUITLESS, CollectConfig, Collection
 from executive.lab.dataset import Attempt, Ending, Log
 from executive.lab.episode import MOST_FAILURES
+from executive.lab.progress import Progress
 
 TRAY = Path(__file__).parents[2] / "domains" / "tray"
 COMMAND = [sys.executable, "-m", "executive", "collect", str(TRAY)]
