@@ -360,6 +360,37 @@ def evaluate(
     return REACHED if document["unanswered"] < document["asked"] else NOT_REACHED
 
 
+@app.command()
+def train(
+    domain: DomainName,
+    out: Annotated[Path, typer.Option(help="The folder for everything; a training that was begun is gone on with.")],
+    problem: ProblemName = None,
+    recipe: Annotated[str, typer.Option(help="How large an eye, and how long: small, or smallest to try it out.")] = (
+        "small"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Fixes everything but rounding.")] = 0,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes and threads; all cores if not given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
+) -> int:
+    """Grow a vision-language model that sees this domain, from simulated pictures alone; takes a night."""
+    from executive import machine
+
+    machine.require()
+
+    from executive.lab.progress import stages
+    from executive.lab.train import TrainConfig, Training
+
+    training = Training(TrainConfig(domain, out, problem, recipe, seed, jobs))
+    with _ctrl_c(training.cancel), stages(sys.stderr) as watch:
+        model = training.run(watch)
+    if model is None:
+        print(f"interrupted; everything is kept, go on with: {training.config.command}", file=sys.stderr)
+        return INTERRUPTED
+    look = shlex.join(["executive", "run", domain, "--vlm", str(model)])
+    print(json.dumps({"model": str(model), "run": look}, indent=2) if as_json else f"{model}; look through it: {look}")
+    return REACHED
+
+
 @contextmanager
 def _ctrl_c(cancel: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C once cancels, which leaves the arm at rest and the trace whole; a second one leaves at once."""

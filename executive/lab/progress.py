@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
+
+if TYPE_CHECKING:
+    from rich.progress import TaskID
 
 _EVERY = 30.0
 """Seconds between two lines where there is no terminal."""
@@ -18,6 +21,18 @@ class Progress(NamedTuple):
     wanted: int
     new: int
     seconds: float
+
+
+class Stage(NamedTuple):
+    """How far a stage of a training is: `done` of `wanted` steps, of which `new` took `seconds`; `told` says how good
+    it is by now."""
+
+    stage: str
+    done: int
+    wanted: int
+    new: int
+    seconds: float
+    told: str = ""
 
 
 @contextmanager
@@ -36,6 +51,35 @@ def told(stream: TextIO, unit: str = "points") -> Iterator[Callable[[Progress], 
     with Bar(*columns, console=console) as bar:
         task = bar.add_task(unit, total=None, estimate="")
         yield lambda now: bar.update(task, completed=now.points, total=now.wanted, estimate=estimate(now))
+
+
+@contextmanager
+def stages(stream: TextIO) -> Iterator[Callable[[Stage], None]]:
+    """What work in several stages is to be watched with: a bar or a line for the stage that is under way."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    from executive.trace.console import console_for, is_live
+
+    console = console_for(stream)
+    if not is_live(console):
+        yield lambda now: print(f"{now.stage} {now.done} of {now.wanted}  {_left(now)}  {now.told}".rstrip(),
+                                file=stream, flush=True)  # fmt: skip
+        return
+    columns = (TextColumn("{task.description:9}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[told]}"))
+    with Bar(*columns, console=console) as bar:
+        rows: dict[str, TaskID] = {}
+
+        def tell(now: Stage) -> None:
+            if now.stage not in rows:
+                rows[now.stage] = bar.add_task(now.stage, total=now.wanted, told="")
+            bar.update(rows[now.stage], completed=now.done, told=f"{_left(now)}  {now.told}".strip())
+
+        yield tell
+
+
+def _left(now: Stage) -> str:
+    return estimate(Progress(now.done, now.wanted, now.new, now.seconds))
 
 
 def estimate(progress: Progress) -> str:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -62,6 +62,10 @@ class Asked:
     facets: torch.Tensor
     known: torch.Tensor
 
+    def to(self, device: torch.device) -> Asked:
+        """The same on another device."""
+        return Asked(*(getattr(self, part.name).to(device) for part in fields(self)))
+
 
 class Asker:
     """Draws questions and lays them out.
@@ -102,9 +106,7 @@ class Asker:
         named = [subject.said(facet) for facet in range(len(subject.facets))]
         return [*_OPEN, *_CHATTER, NOTHING, *named]
 
-    def ask(
-        self, facts: np.ndarray[Any, np.dtype[np.bool_]], scene: int, count: int, open_share: float
-    ) -> Asked:
+    def ask(self, facts: np.ndarray[Any, np.dtype[np.bool_]], scene: int, count: int, open_share: float) -> Asked:
         """Ask `count` questions about each of B scenes, `facts` (B, A) being true of them and `scene` the number of
         tokens that each begins with."""
         rng = self._rng

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import nn
-
+from torch.nn import functional
 
 from executive.lab.eye.asking import Asked
-from executive.lab.eye.network import Size
+from executive.lab.eye.sizes import Size
 from executive.lab.eye.subject import Subject
 from executive.lab.eye.wordings import Wordings
 
@@ -30,7 +29,8 @@ class Codes(nn.Module):
         embedding = model.model.language_model.embed_tokens.weight.detach()
 
         def meant(text: str) -> torch.Tensor:
-            return embedding[torch.tensor(tokenizer(text, add_special_tokens=False)["input_ids"])].mean(0)
+            mean: torch.Tensor = embedding[torch.tensor(tokenizer(text, add_special_tokens=False)["input_ids"])].mean(0)
+            return mean
 
         items = [meant(wordings.names[item][0]) for item in subject.items]
         facets = []
@@ -42,7 +42,8 @@ class Codes(nn.Module):
 
     def forward(self, shown: torch.Tensor) -> torch.Tensor:
         """Tokens (..., D) for what they show: (..., items + facets), how much of each."""
-        return self.ground + shown @ self.codes
+        tokens: torch.Tensor = self.ground + shown @ self.codes
+        return tokens
 
 
 class Probe(nn.Module):
@@ -53,7 +54,7 @@ class Probe(nn.Module):
         self.read = nn.Linear(size.hidden, len(subject.facets))
 
     def forward(self, inner: torch.Tensor) -> torch.Tensor:
-        logits: torch.Tensor = self.read(F.rms_norm(inner.float(), inner.shape[-1:]))
+        logits: torch.Tensor = self.read(functional.rms_norm(inner.float(), inner.shape[-1:]))
         return logits
 
 
@@ -77,12 +78,12 @@ def answers(model: Any, tokens: torch.Tensor, asked: Asked) -> tuple[torch.Tenso
     """
     decoder = model.model.language_model
     rows = torch.cat([tokens, decoder.embed_tokens(asked.ids).to(tokens.dtype)], 1)
-    mask = torch.zeros(asked.mask.shape, dtype=torch.bfloat16).masked_fill_(~asked.mask, -1e4)
+    mask = torch.zeros(asked.mask.shape, dtype=torch.bfloat16, device=rows.device).masked_fill_(~asked.mask, -1e4)
     with torch.autocast(rows.device.type, torch.bfloat16):
         out = decoder(
             inputs_embeds=rows,
-            attention_mask=mask.to(rows.device),
-            position_ids=asked.positions.to(rows.device),
+            attention_mask=mask,
+            position_ids=asked.positions,
             use_cache=False,
             output_hidden_states=True,
         )
@@ -95,14 +96,14 @@ def answers(model: Any, tokens: torch.Tensor, asked: Asked) -> tuple[torch.Tenso
 def loss_of(logits: torch.Tensor, inner: torch.Tensor, probe: Probe, asked: Asked, yes: Sequence[int]) -> Loss:
     """How wrong the answers are. `yes` are the tokens that affirm."""
     target, yes_no = asked.answers, asked.yes_no
-    total = F.cross_entropy(logits, target)
+    total = functional.cross_entropy(logits, target)
     right = logits.argmax(1) == target
-    affirmed = torch.isin(target, torch.tensor(yes))
+    affirmed = torch.isin(target, torch.tensor(yes, device=target.device))
     probed = float("nan")
     if len(inner):
         read = probe(inner).gather(1, asked.facets)
         known = asked.known >= 0
-        wrong = F.binary_cross_entropy_with_logits(read, asked.known.clamp_min(0.0), reduction="none")
+        wrong = functional.binary_cross_entropy_with_logits(read, asked.known.clamp_min(0.0), reduction="none")
         total = total + (wrong * known).sum() / known.sum()
         probed = float((((read > 0) == (asked.known > 0.5)) | ~known).all(1).float().mean())
     return Loss(
@@ -138,5 +139,3 @@ class Imagined:
                     for facet in true:
                         shown[row, cell, len(subject.items) + facet] += amount
         return facts, torch.from_numpy(shown)
-
-

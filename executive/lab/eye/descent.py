@@ -14,37 +14,24 @@ import numpy as np
 import torch
 from torch import nn
 
+from executive.lab.eye.sizes import Pace
+
 Told = Mapping[str, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Pace:
-    """How a stage descends: over `steps`, at a rate that rises to `rate` in `warm` steps and falls to nothing along a
-    cosine, with `slow` as the share of it that the parts named there get."""
-
-    steps: int
-    rate: float
-    warm: int = 50
-    decay: float = 0.05
-    clip: float = 1.0
-
-    def at(self, step: int) -> float:
-        """The rate at a step."""
-        rise = min(1.0, (step + 1) / self.warm)
-        return self.rate * rise * (0.5 * (1.0 + math.cos(math.pi * min(step, self.steps) / self.steps)) + 0.01)
-
-
-class Cancelled(Exception):
+class CancelledError(Exception):
     """Training was asked to stop; it has been saved."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """How far a stage is, for those who watch: what the steps since the last report came to on average."""
+    """How far a stage is, for those who watch: how many steps it has done in this process, how long each of the
+    last ones took, and what these came to on average."""
 
     stage: str
     step: int
     steps: int
+    new: int
     seconds: float
     told: Told
 
@@ -69,7 +56,7 @@ def descend(
         every: steps between two saves and two reports.
 
     Raises:
-        Cancelled: `stopped` said so; the state is saved.
+        CancelledError: `stopped` said so; the state is saved.
         FloatingPointError: the loss is not a number.
     """
     groups = [
@@ -88,7 +75,7 @@ def descend(
         if not math.isfinite(float(loss.detach())):
             raise FloatingPointError(f"{stage}: the loss of step {step} is not a number")
         optimizer.zero_grad()
-        loss.backward()
+        torch.autograd.backward(loss)
         for group in optimizer.param_groups:
             nn.utils.clip_grad_norm_(group["params"], pace.clip)
         optimizer.step()
@@ -96,21 +83,21 @@ def descend(
         done, stop = step + 1, stopped()
         if stop or done % every == 0 or done == pace.steps:
             _save(file, parts, optimizer, done)
-            watch(Report(stage, done, pace.steps, (time.monotonic() - since) / len(told), _mean(told)))
+            watch(Report(stage, done, pace.steps, done - begin, (time.monotonic() - since) / len(told), _mean(told)))
             told, since = [], time.monotonic()
         if stop:
-            raise Cancelled(stage)
+            raise CancelledError(stage)
 
 
 def finished(file: Path, steps: int) -> bool:
     """Whether a stage has been run to its end."""
-    return file.exists() and int(torch.load(file, weights_only=True)["step"]) >= steps
+    return file.exists() and int(torch.load(file, weights_only=True, map_location="cpu")["step"]) >= steps
 
 
 def _restored(file: Path, parts: Mapping[str, nn.Module], optimizer: torch.optim.Optimizer) -> int:
     if not file.exists():
         return 0
-    saved = torch.load(file, weights_only=True)
+    saved = torch.load(file, weights_only=True, map_location="cpu")
     for name, part in parts.items():
         part.load_state_dict(saved["parts"][name])
     optimizer.load_state_dict(saved["optimizer"])

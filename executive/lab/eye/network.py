@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,39 +18,10 @@ import torch
 from torch import nn
 
 from executive.lab.eye import words
+from executive.lab.eye.sizes import STRIDE, Size
 
 MEAN, STD = 0.55, 0.27
 """Of all pixels of a training shard, about; the same for each colour, so that grey stays grey."""
-
-STRIDE = 32
-"""Pixels to a cell's side."""
-
-
-@dataclass(frozen=True, slots=True)
-class Size:
-    """How large an eye is: `side` pixels of a picture, widths and depths of the tower's stages, and the decoder's."""
-
-    side: int = 192
-    stem: int = 32
-    widths: tuple[int, ...] = (32, 64, 160, 256)
-    depths: tuple[int, ...] = (1, 2, 2, 2)
-    hidden: int = 192
-    layers: int = 3
-    heads: int = 4
-    inner: int = 384
-
-    @property
-    def grid(self) -> int:
-        """Cells to a picture's side."""
-        return self.side // STRIDE
-
-    @property
-    def cells(self) -> int:
-        return self.grid**2
-
-
-SMALLEST = Size(side=64, stem=8, widths=(8, 8, 16, 16), depths=(1, 1, 1, 1), hidden=32, layers=2, heads=2, inner=32)
-"""Learns nothing much, in seconds: for tests."""
 
 
 def build(size: Size, tokenizer: Any) -> Any:
@@ -133,15 +103,6 @@ def save(model: Any, tokenizer: Any, size: Size, folder: Path) -> None:
     }
     _write_json(folder / "processor_config.json", described)
     (folder / "chat_template.jinja").write_text(words.TEMPLATE, encoding="utf-8")
-
-
-def size_from(table: Mapping[str, Any]) -> Size:
-    """A size from what `asdict` made of it."""
-    return Size(**{key: tuple(value) if isinstance(value, list) else value for key, value in table.items()})
-
-
-def size_as_json(size: Size) -> dict[str, Any]:
-    return asdict(size)
 
 
 def _write_json(file: Path, content: Mapping[str, Any]) -> None:

@@ -8,6 +8,7 @@ that training reads from disk without decoding anything and holds no picture in 
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from executive.domain import Domain
+from executive.domain import Domain, load_domain
 from executive.lab.eye.scenes import VARIANTS, Moment, Sampler
 from executive.sim import scene
 from executive.sim.studio import Lights, Shift, Studio
@@ -104,6 +105,21 @@ def write_shard(folder: Path, number: int, arrays: Mapping[str, np.ndarray[Any, 
     for name, array in arrays.items():
         np.save(passing / f"{name}.npy", array)
     passing.rename(final)
+
+
+def draw_shard(domain: str, problem: str | None, seed: int, side: int, folder: Path, number: int) -> None:
+    """Draw one shard and write it: a process's whole task."""
+    photographer = Photographer(load_domain(domain, problem), [seed, number], side)
+    try:
+        write_shard(folder, number, photographer.shard())
+    finally:
+        photographer.close()
+
+
+def sweep(folder: Path) -> None:
+    """Take away what was left half written."""
+    for leftover in folder.glob(".shard-*"):
+        shutil.rmtree(leftover)
 
 
 def read_shard(folder: Path, number: int) -> Shard:

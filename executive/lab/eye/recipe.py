@@ -10,19 +10,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-import torch.nn.functional as F
+from torch.nn import functional
 
 from executive.domain import Domain
 from executive.lab.eye import decoder, network, pictures, tower, words
 from executive.lab.eye.asking import Asker
-from executive.lab.eye.descent import Pace, Report, Told, descend
-from executive.lab.eye.network import Size
+from executive.lab.eye.descent import Report, Told, descend
+from executive.lab.eye.sizes import Recipe
 from executive.lab.eye.subject import Subject
 from executive.lab.eye.wordings import Wordings
 from executive.s3e import prompts
@@ -31,26 +30,6 @@ from executive.s3e.questions import Templates, generic, load_instructions
 TOWER, LANGUAGE, TOGETHER = "tower.pt", "language.pt", "together.pt"
 
 Watch = Callable[[Report], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Recipe:
-    """How much of everything. The numbers are those of the eye that is shipped.
-
-    `shards` of `pictures.SHARD` moments each; `batch` pictures a step in stage 2, `scenes` a step in stages 3 and 4 and
-    `questions` about each; `align` are the first steps of stage 4, in which only the projector learns.
-    """
-
-    size: Size = field(default_factory=Size)
-    shards: int = 44
-    tower: Pace = Pace(1200, 2e-3, 100, clip=2.0)
-    language: Pace = Pace(700, 1.5e-3)
-    together: Pace = Pace(1400, 7e-4)
-    batch: int = 80
-    scenes: int = 12
-    questions: int = 16
-    align: int = 120
-    vocabulary: int = 1200
 
 
 class Eye:
@@ -78,7 +57,10 @@ class Eye:
         self.probe = decoder.Probe(recipe.size, self.subject)
         self.asker = Asker(self.subject, self.wordings, self.tokenizer, self.systems, untranslated, seed)
         marks = self.tokenizer.convert_tokens_to_ids(list(words.PICTURES))
-        self._marks = torch.tensor(marks)
+        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        self._marks = torch.tensor(marks, device=self.device)
+        for part in (self.model, self.dense, self.codes, self.probe):
+            part.to(self.device)
 
     def _corpus(self, texts: Sequence[str]) -> list[str]:
         import random
@@ -90,24 +72,26 @@ class Eye:
 
     # Stage 2.
 
-    def learn_to_see(self, folder: Path, out: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
+    def learn_to_see(self, folder: Path, file: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
         """Train the tower on the shards in `folder`."""
         pool, recipe = Pool(folder), self.recipe
         seeing = self.model.model.vision_tower.to(memory_format=torch.channels_last)
 
         def one(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Told]:
             raw, masks, facts = pool.single(recipe.batch, rng)
-            last, before = tower.features(seeing, tower.prepared(raw, rng))
+            last, before = tower.features(seeing, tower.prepared(raw, rng).to(self.device))
             loss, told = self.dense(last, before, torch.from_numpy(masks), torch.from_numpy(facts))
             return loss, told
 
         parts = {"tower": seeing, "dense": self.dense}
         seeing.train()
-        descend("tower", out / TOWER, parts, recipe.tower, one, self.seed, watch, stopped)
+        descend("tower", file, parts, recipe.tower, one, self.seed, watch, stopped)
 
     # Stage 3.
 
-    def learn_to_read(self, states: np.ndarray[Any, Any], out: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
+    def learn_to_read(
+        self, states: np.ndarray[Any, Any], file: Path, watch: Watch, stopped: Callable[[], bool]
+    ) -> None:
         """Train the decoder on imagined scenes, in states (N, A) such as these."""
         recipe, asker = self.recipe, self.asker
 
@@ -115,17 +99,17 @@ class Eye:
             facts, shown = decoder.Imagined(self.subject, states, rng).scenes(recipe.scenes)
             asker.begin(int(rng.integers(2**31)))
             asked = asker.ask(facts, shown.shape[1], recipe.questions, max(0.1, 0.6 - step / 400))
-            tokens = self.codes(shown)
+            tokens = self.codes(shown.to(self.device))
             tokens = tokens + 0.05 * torch.randn_like(tokens)
             return self._learn(tokens, asked)
 
         parts = {"decoder": self.model.model.language_model, "codes": self.codes, "probe": self.probe}
         self.model.train()
-        descend("language", out / LANGUAGE, parts, recipe.language, one, self.seed + 1, watch, stopped)
+        descend("language", file, parts, recipe.language, one, self.seed + 1, watch, stopped)
 
     # Stage 4.
 
-    def learn_together(self, folder: Path, out: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
+    def learn_together(self, folder: Path, file: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
         """Train everything on pictures and questions."""
         pool, recipe, asker, model = Pool(folder), self.recipe, self.asker, self.model.model
         model.vision_tower.to(memory_format=torch.channels_last)
@@ -134,13 +118,13 @@ class Eye:
             aligning = step < recipe.align
             raw, masks, facts = pool.scenes(recipe.scenes, rng)
             cameras = raw.shape[1]
-            flat = tower.prepared(raw.reshape(-1, *raw.shape[2:]), rng)
+            flat = tower.prepared(raw.reshape(-1, *raw.shape[2:]), rng).to(self.device)
             with torch.set_grad_enabled(not aligning):
                 last, before = tower.features(model.vision_tower, flat)
             cells = model.multi_modal_projector(last.float().flatten(2).permute(0, 2, 1))
             every = np.repeat(facts, cameras, axis=0)
             meant = self.codes(self._shown(masks.reshape(-1, *masks.shape[2:]), every)).detach()
-            apart = F.mse_loss(cells, meant) / meant.var()
+            apart = functional.mse_loss(cells, meant) / meant.var()
             if aligning:
                 return apart, {"apart": float(apart.detach())}
             asker.begin(int(rng.integers(2**31)))
@@ -162,7 +146,7 @@ class Eye:
         }
         self.model.train()
         rates = {"tower": 0.6, "dense": 0.6}
-        descend("together", out / TOGETHER, parts, recipe.together, one, self.seed + 2, watch, stopped, rates)
+        descend("together", file, parts, recipe.together, one, self.seed + 2, watch, stopped, rates)
 
     def row(self, cells: torch.Tensor) -> torch.Tensor:
         """The tokens that a scene's row begins with: (B, C, N, D) to (B, C * (1 + N), D), each picture's mark first."""
@@ -174,6 +158,7 @@ class Eye:
     # Inside.
 
     def _learn(self, tokens: torch.Tensor, asked: Any) -> tuple[torch.Tensor, Told]:
+        asked = asked.to(self.device)
         logits, inner = decoder.answers(self.model, tokens, asked)
         loss = decoder.loss_of(logits, inner, self.probe, asked, self.asker.affirmative)
         told = {"loss": float(loss.total.detach()), "yes": loss.yes, "no": loss.no}
@@ -185,7 +170,7 @@ class Eye:
         amount = (pixels / 12.0).clamp_max_(1.0)
         true = torch.from_numpy(facts).float()[:, self.subject.facet_atoms, None, None]
         each = torch.cat([amount, amount[:, self.subject.facet_items] * true], 1)
-        return each.flatten(2).permute(0, 2, 1)
+        return each.flatten(2).permute(0, 2, 1).to(self.device)
 
 
 class Pool:

@@ -145,17 +145,16 @@ class Sampler:
             return False
         if kind == "above":
             rise = float(rng.choice([0.0, rng.uniform(0.0, 0.25)], p=[0.2, 0.8]))
-            q = self._reach(poses.translated(grasp, np.array([0.0, 0.0, rise])))
-            return q is not None and self._stand(q, 0.0)
+            over = self._reach(poses.translated(grasp, np.array([0.0, 0.0, rise])))
+            return over is not None and self._stand(over, 0.0)
         if kind == "closing":
-            q = self._reach(grasp)
-            return q is not None and self._stand(q, 1.0, seconds=float(rng.uniform(0.02, 0.25)), ready=0.0)
+            around = self._reach(grasp)
+            return around is not None and self._stand(around, 1.0, seconds=float(rng.uniform(0.02, 0.25)), ready=0.0)
         inside = poses.inverse(grasp) @ poses.matrix(self._item_pose(item))
         if kind == "holding at home":
             return self._hold(item, inside, self._home)
-        target = self._elsewhere(item, inside)
-        q = self._reach(target)
-        if q is None or not self._hold(item, inside, q):
+        there = self._reach(self._elsewhere(item, inside))
+        if there is None or not self._hold(item, inside, there):
             return False
         if kind == "letting go":
             self.world.command_gripper(0.0)

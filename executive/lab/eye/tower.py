@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import nn
+from torch.nn import functional
 
-from executive.lab.eye.network import MEAN, STD, Size
+from executive.lab.eye.network import MEAN, STD
 from executive.lab.eye.pictures import MASK
+from executive.lab.eye.sizes import Size
 from executive.lab.eye.subject import Subject
 
 FEWEST = 3
@@ -30,8 +31,7 @@ class Dense(nn.Module):
 
     def __init__(self, size: Size, subject: Subject) -> None:
         super().__init__()
-        self.register_buffer("owner", torch.from_numpy(subject.facet_items), persistent=False)
-        self.register_buffer("atom", torch.from_numpy(subject.facet_atoms), persistent=False)
+        self._owner, self._atom = subject.facet_items, subject.facet_atoms
         self._items = len(subject.items)
         self.cells = nn.Conv2d(size.widths[-1], self._items + len(subject.facets), 1)
         self.halves = nn.Conv2d(size.widths[-2], self._items, 1)
@@ -47,18 +47,18 @@ class Dense(nn.Module):
             masks: which item a pixel shows, (B, M, M).
             facts: which atoms are true, (B, A).
         """
-        grid = last.shape[-1]
+        grid, masks, facts = last.shape[-1], masks.to(last.device), facts.to(last.device)
         pixels = shown(masks, self._items, grid)
         out = self.cells(last.float())
-        seen = F.binary_cross_entropy_with_logits(
+        seen = functional.binary_cross_entropy_with_logits(
             out[:, : self._items], (pixels >= 1).float(), weight=torch.where((pixels > 0) & (pixels < FEWEST), 0.3, 1.0)
         )
-        clear = (pixels >= FEWEST).float()[:, self.owner]
-        true = facts.float()[:, self.atom, None, None].expand_as(clear)
-        wrong = F.binary_cross_entropy_with_logits(out[:, self._items :], true, reduction="none")
+        clear = (pixels >= FEWEST).float()[:, self._owner]
+        true = facts.float()[:, self._atom, None, None].expand_as(clear)
+        wrong = functional.binary_cross_entropy_with_logits(out[:, self._items :], true, reduction="none")
         known = (wrong * clear).sum() / (clear.sum() + 1.0)
         halves = (shown(masks, self._items, 2 * grid) >= 1).float()
-        finer = F.binary_cross_entropy_with_logits(self.halves(before.float()), halves)
+        finer = functional.binary_cross_entropy_with_logits(self.halves(before.float()), halves)
         told = {"seen": float(seen.detach()), "known": float(known.detach()), "finer": float(finer.detach())}
         return 5.0 * seen + known + 2.0 * finer, told
 
@@ -67,7 +67,7 @@ def shown(masks: torch.Tensor, items: int, grid: int) -> torch.Tensor:
     """How many pixels of the mask each cell shows of each item: (B, items, grid, grid)."""
     cell = MASK // grid
     each = torch.stack([masks == item + 1 for item in range(items)], 1).float()
-    return F.avg_pool2d(each, cell) * cell**2
+    return functional.avg_pool2d(each, cell) * cell**2
 
 
 def features(tower: nn.Module, pictures: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -107,7 +107,7 @@ def prepared(raw: np.ndarray[Any, np.dtype[np.uint8]], rng: np.random.Generator,
     y = y.view(count, side, side, 3).permute(0, 3, 1, 2)
     blurred = torch.from_numpy(np.flatnonzero((rng.random(count) < _BLUR) & (worse > 0)))
     if len(blurred):
-        y[blurred] = F.avg_pool2d(F.pad(y[blurred], (1, 1, 1, 1), mode="replicate"), 3, 1)
+        y[blurred] = functional.avg_pool2d(functional.pad(y[blurred], (1, 1, 1, 1), mode="replicate"), 3, 1)
     return y.clamp_((0.0 - MEAN) / STD, (1.0 - MEAN) / STD)
 
 

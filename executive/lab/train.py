@@ -1,0 +1,194 @@
+"""Growing an eye for a domain (`executive train`): all stages of the recipe, each gone on with where it was left.
+
+The folder that is trained in holds everything: the pictures, each stage's last state, and in the end the model. A stage
+that is finished is not run again; pictures are drawn by several processes, each shard from the seed and its own number
+alone.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import shlex
+import signal
+import time
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from executive.domain import Domain, load_domain
+from executive.errors import InputError
+from executive.lab import dataset
+from executive.lab.eye.sizes import RECIPES, Recipe
+from executive.lab.progress import Stage
+
+if TYPE_CHECKING:
+    from executive.lab.eye.descent import Report
+
+MANIFEST, PICTURES, MODEL = "training.json", "pictures", "model"
+
+
+@dataclass(frozen=True, slots=True)
+class TrainConfig:
+    """What to train, and where. `recipe` names one of `RECIPES`; `jobs` processes draw pictures, and as many threads
+    train; neither changes what comes out but for rounding."""
+
+    domain: str
+    out: Path
+    problem: str | None = None
+    recipe: str = "small"
+    seed: int = 0
+    jobs: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.recipe not in RECIPES:
+            raise InputError(f"no recipe {self.recipe!r}; there are: {', '.join(RECIPES)}", key="--recipe")
+        if self.seed < 0:
+            raise InputError(f"{self.seed} is not a seed from 0 on", key="--seed")
+        if self.jobs is not None and self.jobs < 1:
+            raise InputError(f"{self.jobs} is not a number of processes from 1 on", key="--jobs")
+
+    @property
+    def command(self) -> str:
+        """The command that trains this, and goes on with it."""
+        words = ["executive", "train", self.domain, "--out", str(self.out)]
+        words += ["--problem", self.problem] if self.problem is not None else []
+        words += ["--recipe", self.recipe] if self.recipe != "small" else []
+        return shlex.join([*words, *(["--seed", str(self.seed)] if self.seed else [])])
+
+
+Watch = Callable[[Stage], None]
+
+
+class Training:
+    """One training, its folder checked. `run` goes on with it from where it was left.
+
+    Raises:
+        DomainError: the domain folder has a mistake.
+        InputError: the folder holds something else.
+    """
+
+    def __init__(self, config: TrainConfig) -> None:
+        self.config = config
+        self.recipe: Recipe = RECIPES[config.recipe]
+        self.domain: Domain = load_domain(config.domain, config.problem)
+        self._cancelled = False
+        self._check_folder()
+
+    def cancel(self) -> None:
+        """Have `run` stop soon, with everything saved. A flag: safe from any thread and signal handler."""
+        self._cancelled = True
+
+    def run(self, watch: Watch = lambda stage: None) -> Path | None:
+        """Train to the end, and return the model's folder; None when cancelled."""
+        from executive.lab.eye.descent import CancelledError
+
+        try:
+            self._draw(watch)
+            return self._grow(watch)
+        except CancelledError:
+            return None
+
+    # Pictures.
+
+    def _draw(self, watch: Watch) -> None:
+        from executive.lab.eye import pictures
+        from executive.lab.eye.descent import CancelledError
+
+        folder, wanted = self.config.out / PICTURES, self.recipe.shards
+        folder.mkdir(exist_ok=True)
+        pictures.sweep(folder)
+        missing = sorted(set(range(wanted)) - set(pictures.shards(folder)))
+        done, began = wanted - len(missing), time.monotonic()
+        watch(Stage("pictures", done, wanted, 0, 0.0))
+        if not missing:
+            return
+        arguments = (self.config.domain, self.config.problem, self.config.seed, self.recipe.size.side, folder)
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(self.config.jobs, mp_context=context, initializer=_ignore_ctrl_c) as pool:
+            waiting = {pool.submit(pictures.draw_shard, *arguments, number) for number in missing}
+            while waiting:
+                finished, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    future.result()
+                    done += 1
+                    watch(Stage("pictures", done, wanted, done - wanted + len(missing), time.monotonic() - began))
+                if self._cancelled:
+                    for future in waiting:
+                        future.cancel()
+                    raise CancelledError("pictures")
+
+    # The rest.
+
+    def _grow(self, watch: Watch) -> Path:
+        import torch
+
+        from executive.lab.eye import descent, network
+        from executive.lab.eye.recipe import LANGUAGE, TOGETHER, TOWER, Eye, Pool
+        from executive.lab.eye.wordings import WORDINGS
+
+        if self.config.jobs is not None:
+            torch.set_num_threads(self.config.jobs)
+        out, recipe = self.config.out, self.recipe
+        questions = self.domain.subject.questions
+        wordings = questions.with_name(WORDINGS) if questions is not None else None
+        eye = Eye(self.domain, recipe, self.config.seed, wordings if wordings and wordings.is_file() else None)
+
+        def tell(report: Report) -> None:
+            good = ", ".join(f"{name} {value:.3f}" for name, value in report.told.items())
+            watch(Stage(report.stage, report.step, report.steps, report.new, report.new * report.seconds, good))
+
+        def stopped() -> bool:
+            return self._cancelled
+
+        folder = out / PICTURES
+        if not descent.finished(out / TOGETHER, recipe.together.steps):
+            eye.learn_to_see(folder, out / TOWER, tell, stopped)
+            eye.learn_to_read(Pool(folder).states(), out / LANGUAGE, tell, stopped)
+        eye.learn_together(folder, out / TOGETHER, tell, stopped)
+        network.save(eye.model, eye.tokenizer, recipe.size, out / MODEL)
+        return out / MODEL
+
+    # What is kept beside it.
+
+    def _check_folder(self) -> None:
+        out, what = self.config.out, self._described()
+        if out.exists() and not out.is_dir():
+            raise InputError("is not a folder", file=out)
+        file = out / MANIFEST
+        if file.exists():
+            try:
+                there = json.loads(file.read_text(encoding="utf-8"))
+            except (OSError, ValueError) as error:
+                raise InputError(f"cannot be read ({error})", file=file) from None
+            if there != what:
+                raise InputError("holds another training; choose another folder with --out", file=out)
+            return
+        if out.exists() and any(not entry.name.startswith(".") for entry in out.iterdir()):
+            raise InputError(f"is not empty and holds no training (no {MANIFEST}); choose another folder", file=out)
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            dataset.write_atomically(file, (json.dumps(what, indent=2) + "\n").encode())
+        except OSError as error:
+            raise InputError(f"cannot be written to ({error.strerror})", file=out) from None
+
+    def _described(self) -> dict[str, Any]:
+        """Everything that decides what comes out, as JSON would give it back."""
+        described: dict[str, Any] = json.loads(
+            json.dumps(
+                {
+                    "domain": self.domain.name,
+                    "problem": self.domain.task.problem,
+                    "atoms": [str(atom) for atom in self.domain.task.atoms],
+                    "seed": self.config.seed,
+                    "recipe": asdict(self.recipe),
+                }
+            )
+        )
+        return described
+
+
+def _ignore_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # heard by the first process, which says when to stop
