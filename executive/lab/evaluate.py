@@ -163,12 +163,14 @@ class Evaluator:
         return points if self.config.looks is None else min(points, self.config.looks)
 
     def run(self, watch: Callable[[Progress], None] = lambda progress: None) -> Evaluation | None:
-        """Take all looks; None when cancelled. `watch` is called after each.
+        """Take all looks; None when cancelled. `watch` is called before the first and after
+        each.
 
         Raises:
             InputError: the data is damaged, or nothing is answered any more.
         """
         began, fruitless, taken = time.monotonic(), 0, _Taken(self.atoms)
+        watch(Progress(0, self.wanted, 0, 0.0))
         for number, point in enumerate(itertools.islice(self._points(), self.wanted), start=1):
             belief, seconds, images = self._look(number, point)
             taken.add(point, belief, seconds)
