@@ -1,6 +1,6 @@
 # The two commands: `make run` and `make test`. Each sets up everything first; `make help` lists the rest.
 PY := .venv/bin/python
-SOURCES := executive skills tests benchmarks
+SOURCES := executive skills tests benchmarks examples
 BENCHMARKS := $(notdir $(basename $(wildcard benchmarks/[a-z]*.py)))
 
 .PHONY: help setup run test test-slow bench lint format-check types arrows unit format clean

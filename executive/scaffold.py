@@ -52,7 +52,8 @@ def create(name: str, parent: Path = Path()) -> Created:
         if isinstance(error, DomainError):  # its name is a word of PDDL
             raise InputError(error.message) from None
         raise
-    command = f"executive run {folder.as_posix()}"
+    # No model knows this domain yet, so that the simulator's truth is asked.
+    command = f"executive run {folder.as_posix()} --estimator oracle"
     return Created(folder, files, (command, f"{command} --fault drop@2", f"{command} --problem one-block"))
 
 

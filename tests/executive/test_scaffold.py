@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
-from executive import cli, domain, scaffold
+from executive import cli, domain, manifest, scaffold
 from executive.domain import load_domain
 from executive.errors import InputError
 from executive.s3e import Templates, load_instructions
@@ -113,7 +113,8 @@ def text(file: str) -> str:
 
 def mentions(file: str, key: str) -> bool:
     """Whether the file sets the key or shows in a comment how it is set."""
-    return re.search(rf"^[#\s]*(\[\[?)?{re.escape(key)}(\]\]?)?\s*(=|$|#)", text(file), flags=re.MULTILINE) is not None
+    pattern = rf"^[#\s]*(\[\[?([\w-]+\.)*)?{re.escape(key)}(\]\]?)?\s*(=|$|#)"
+    return re.search(pattern, text(file), flags=re.MULTILINE) is not None
 
 
 @pytest.mark.parametrize(
@@ -125,9 +126,10 @@ def test_every_key_of_a_scene_is_shown(model: type[BaseModel]) -> None:
 
 
 def test_every_key_of_a_manifest_is_shown() -> None:
-    keys = [key for key in domain._Manifest.model_fields if key not in ("actions", "predicates")]
-    keys += [*domain._World.model_fields, *domain._Action.model_fields, *domain._Predicate.model_fields]
-    assert [key for key in keys if not mentions("domain.toml", key)] == []
+    tables = [model for model in vars(manifest).values() if isinstance(model, type) and issubclass(model, BaseModel)]
+    keys = {key for model in tables for key in model.model_fields} - {"actions", "predicates"}
+    assert {"title", "kind", "skill", "relation"} <= keys
+    assert [key for key in sorted(keys) if not mentions("domain.toml", key)] == []
     assert {"actions", "predicates"} <= tomllib.loads(text("domain.toml")).keys()
 
 
@@ -152,12 +154,12 @@ def test_the_command_says_what_to_type_next(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert cli.exit_code(["new", "shelf"]) == 0
-    assert "    executive run shelf\n" in capsys.readouterr().out
+    assert "    executive run shelf --estimator oracle\n" in capsys.readouterr().out
     (tmp_path / "deep").mkdir()
     assert cli.exit_code(["new", "shelf", "--in", "deep", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["folder"] == "deep/shelf"
-    assert "executive run deep/shelf" in told["commands"]
+    assert "executive run deep/shelf --estimator oracle" in told["commands"]
     assert all(Path(file).is_file() for file in told["files"])
 
 

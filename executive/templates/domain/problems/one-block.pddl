@@ -1,4 +1,4 @@
-; The quickest one, for trying things out: executive run my-domain --problem one-block
+; The quickest one, for trying things out: executive run my-domain --problem one-block --estimator oracle
 ; A problem in this folder is named by its file. Items of the scene that it does not list are not there.
 (define (problem one-block)
   (:domain my-domain)
