@@ -3,8 +3,10 @@
 The translator proves which sets of atoms no action can bring from at most one true atom to two, and keeps those of
 which exactly one is true in the initial state. Two things follow. The initial state has to be a legal one: a set that a
 noisy estimate overfills would be dropped without a word. And it has to be complete, while a problem file may leave open
-where things are, for the robot to see. So the state is completed here: atoms that no group covers yet are added, as
-long as the translator then covers them and keeps every group that it had.
+where things are, for the robot to see. So the state is completed first: the translator is asked which invariants the
+actions have, whatever the state; where the declared state fills one with no atom, an atom is chosen that fills it and
+overfills no other, the one that lets most actions become possible. What invariants do not speak of may be true as well
+as false, and is true where an action needs it.
 
 "Exactly one" is believed where no action breaks it (the translator says so: its variable has no value for "none of
 them") and no accident does either. Anything can fall to where no atom speaks of it, the floor. A group survives that
@@ -14,8 +16,11 @@ that does: the gripper is empty once what it held is gone, but an item can be in
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import logging
+import math
+import re
 import subprocess
 import sys
 import tempfile
@@ -27,12 +32,20 @@ from typing import NamedTuple
 
 from executive.errors import MissingError
 from executive.monitor.groups import Group
-from executive.pddl import Condition, Equality, Forall, Literal, Schema
+from executive.pddl import Condition, Equality, Forall, Schema
 from executive.types import Atom
 
 TRANSLATOR = "fast_downward.translate"
-_OPTIONS = ("--full-encoding", "--keep-unimportant-variables")
+_INVARIANTS = f"{TRANSLATOR}.invariant_finder"
+_OPTIONS = ("--full-encoding", "--keep-unimportant-variables", "--sas-file", "task.sas")
 """Every group becomes a variable with all of its atoms, whether the goal needs it or not."""
+
+_PART = re.compile(r"(\w+)\(\(([-\d, ]*)\)\)")
+"""What the translator prints of an invariant: each predicate with the invariant's parameters, -1 for what is counted,
+such as {p0((0, -1)) [omitted_pos = 1], p1((0,)) [omitted_pos = None]}."""
+
+MOST_MOVES = 20_000
+"""With more grounded actions than this, the initial state is completed without a look at what it makes possible."""
 
 log = logging.getLogger(__name__)
 
@@ -48,9 +61,8 @@ class Mutexes(NamedTuple):
 def find_mutexes(schema: Schema, *, timeout: float = 30.0) -> Mutexes:
     """The mutex groups of a task.
 
-    Where the translator does not finish within `timeout` seconds (wall time, all its runs together) or fails, the
-    groups that it has found so far are all there are, and a warning is logged: fewer groups mean less consistency, and
-    nothing wrong.
+    Where the translator does not finish within `timeout` seconds (wall time) or fails, there are none, and a warning is
+    logged: without groups there is no consistency, but nothing is wrong either.
 
     Raises:
         MissingError: the translator is not installed.
@@ -61,98 +73,143 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0) -> Mutexes:
         found = None
     if found is None:
         raise MissingError("Fast Downward's translator is not installed", command="pip install up-fast-downward")
-    return _Completion(schema, time.monotonic() + timeout).complete()
+    names, deadline = _Names(schema), time.monotonic() + timeout
+    declared = frozenset(schema.task.declared)
+    try:
+        said = _run(_INVARIANTS, (), names, declared, deadline)
+        state = _Completion(schema, _instances(said, names)).complete()
+        sas = _run(TRANSLATOR, _OPTIONS, names, state, deadline)
+        return Mutexes(tuple(sorted(_read(sas, names), key=lambda group: group.atoms)), state)
+    except _TranslatorError as failure:
+        problem = str(failure)
+    except (LookupError, RuntimeError, ValueError) as error:
+        problem = f"Fast Downward's translator wrote what cannot be read ({error!r})"
+    log.warning("%s; answers are not made consistent", problem)
+    return Mutexes((), declared)
 
 
 class _TranslatorError(Exception):
     """The translator gave no answer, and why."""
 
 
+def _run(module: str, options: Sequence[str], names: _Names, state: Iterable[Atom], deadline: float) -> str:
+    """Have one of the translator's programs look at the task from some state: the file that it writes, or else what it
+    prints.
+
+    Raises:
+        _TranslatorError: it ends with an error, or not in time.
+    """
+    with tempfile.TemporaryDirectory(prefix="executive-mutex-") as name:
+        folder = Path(name)
+        (folder / "domain.pddl").write_text(names.domain(), encoding="utf-8")
+        (folder / "problem.pddl").write_text(names.problem(state), encoding="utf-8")
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", module, *options, "domain.pddl", "problem.pddl"],
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=max(0.01, deadline - time.monotonic()),
+            )
+            if done.returncode:
+                said = (done.stderr.strip() or done.stdout.strip() or f"exit code {done.returncode}").splitlines()
+                raise _TranslatorError(f"Fast Downward's translator failed ({said[-1]})")
+            return (folder / "task.sas").read_text(encoding="utf-8") if options else done.stdout
+        except subprocess.TimeoutExpired:
+            raise _TranslatorError("Fast Downward's translator did not finish in time") from None
+        except OSError as error:
+            raise _TranslatorError(f"Fast Downward's translator cannot be run ({error.strerror})") from None
+
+
+def _instances(said: str, names: _Names) -> list[frozenset[Atom]]:
+    """The sets of atoms that the printed invariants are about, for all objects."""
+    found: dict[tuple[int, tuple[str, ...]], set[Atom]] = {}
+    invariants = (line for line in said.splitlines() if line.startswith("{"))
+    for number, line in enumerate(dict.fromkeys(invariants)):
+        for name, terms in _PART.findall(line):
+            where = [int(term) for term in terms.split(",") if term.strip()]
+            for atom in names.atoms(name):
+                fixed = sorted((index, arg) for index, arg in zip(where, atom.args, strict=True) if index >= 0)
+                found.setdefault((number, tuple(arg for _, arg in fixed)), set()).add(atom)
+    return [frozenset(found[key]) for key in sorted(found)]
+
+
 class _Completion:
-    """Makes the declared initial state a complete one, step by step, and keeps the groups of the last step."""
+    """Makes the declared initial state a complete one. `sets` are those of which exactly one atom should be true."""
 
-    def __init__(self, schema: Schema, deadline: float) -> None:
-        self._schema, self._deadline = schema, deadline
-        self._names = _Names(schema)
-        changing = {effect.predicate for action in schema.actions.values() for effect in _literals(action.effects)}
-        self._fluent = [atom for atom in schema.task.atoms if atom.predicate in changing]
-        self._state = frozenset(schema.task.declared)
-        self._groups: tuple[Group, ...] = ()
+    def __init__(self, schema: Schema, sets: Sequence[frozenset[Atom]]) -> None:
+        self._state = set(schema.task.declared)
+        # What the declared state overfills is no invariant of this task.
+        self._sets = [atoms for atoms in sets if len(atoms & self._state) <= 1]
+        self._of: dict[Atom, list[frozenset[Atom]]] = {}
+        for atoms in self._sets:
+            for atom in atoms:
+                self._of.setdefault(atom, []).append(atoms)
+        self._moves = _moves(schema)
+        self._waiting: dict[Atom, list[_Move]] = {}
+        for move in self._moves:
+            for atom in move.needs:
+                self._waiting.setdefault(atom, []).append(move)
+        self._possible: set[Atom] = set()
+        unconditional = (move.gives for move in self._moves if not move.needs)
+        self._possible = self._opened(self._state.union(*unconditional))
 
-    def complete(self) -> Mutexes:
-        try:
-            self._groups = self._translate(self._state)
-            refused: set[Atom] = set()
-            while batch := self._batch(refused):
-                refused |= self._add(batch)
-        except _TranslatorError as failure:
-            log.warning("%s; consistency rests on %d mutex groups", failure, len(self._groups))
-        return Mutexes(self._groups, self._state)
+    def complete(self) -> frozenset[Atom]:
+        for atoms in self._sets:
+            if not atoms & self._state:
+                self._add(atom for atom in sorted(atoms) if not any(other & self._state for other in self._of[atom]))
+        free = {atom for move in self._moves for atom in move.changes} - self._of.keys()
+        for move in self._moves:
+            for atom in sorted(move.needs & free):
+                if atom not in self._possible:
+                    self._add([atom])
+        return frozenset(self._state)
 
-    def _batch(self, refused: Iterable[Atom]) -> list[Atom]:
-        """Atoms of one predicate that no group covers: one for each object that comes first in them, with the other
-        objects as different as can be, so that two of them are hardly ever in one group."""
-        covered = {atom for group in self._groups for atom in group.atoms}.union(refused, self._state)
-        left = [atom for atom in self._fluent if atom not in covered]
-        if not left:
-            return []
-        by_object: dict[tuple[str, ...], list[Atom]] = {}
-        for atom in left:
-            if atom.predicate == left[0].predicate:
-                by_object.setdefault(atom.args[:1], []).append(atom)
-        return [atoms[turn % len(atoms)] for turn, atoms in enumerate(by_object.values())]
+    def _add(self, options: Iterable[Atom]) -> None:
+        """Make one of the atoms true, if there are any: the first of those that open up most."""
+        opened = {atom: self._opened([atom]) for atom in options}
+        if opened:
+            atom = max(opened, key=lambda option: len(opened[option]))
+            self._state.add(atom)
+            self._possible |= opened[atom]
 
-    def _add(self, atoms: Sequence[Atom]) -> set[Atom]:
-        """Add those of the atoms (of one predicate) that groups then cover, and return those that need not be tried."""
-        groups = self._translate(self._state.union(atoms))
-        now = [frozenset(group.atoms) for group in groups]
-        kept = all(any(atoms_.issuperset(group.atoms) for atoms_ in now) for group in self._groups)
-        if kept and frozenset().union(*now).issuperset(atoms):
-            self._state, self._groups = self._state.union(atoms), groups
-            return set()
-        if len(atoms) == 1:  # it is too much for a group, or there is no group for atoms of its kind
-            return set(atoms) if not kept else {atom for atom in self._fluent if atom.predicate == atoms[0].predicate}
-        if refused := self._add(atoms[:1]):
-            return refused.union(atoms)
-        rest, half = atoms[1:], len(atoms) // 2
-        return self._add(rest[:half]) | (self._add(rest[half:]) if rest[half:] else set())
+    def _opened(self, atoms: Iterable[Atom]) -> set[Atom]:
+        """What becomes possible once `atoms` are true: they, and the effects of actions whose conditions are then all
+        possible, as if nothing were ever deleted or had to be false."""
+        opened: set[Atom] = set()
+        frontier = list(atoms)
+        while frontier:
+            atom = frontier.pop()
+            if atom not in opened and atom not in self._possible:
+                opened.add(atom)
+                for move in self._waiting.get(atom, ()):
+                    if all(each in opened or each in self._possible for each in move.needs):
+                        frontier.extend(move.gives)
+        return opened
 
-    def _translate(self, state: Iterable[Atom]) -> tuple[Group, ...]:
-        """The groups of which exactly one atom is true in a state.
 
-        Raises:
-            _TranslatorError: the translator ends with an error, or not in time.
-        """
-        with tempfile.TemporaryDirectory(prefix="executive-mutex-") as name:
-            folder = Path(name)
-            (folder / "domain.pddl").write_text(self._names.domain(), encoding="utf-8")
-            (folder / "problem.pddl").write_text(self._names.problem(state), encoding="utf-8")
-            command = [sys.executable, "-m", TRANSLATOR, *_OPTIONS, "--sas-file", "task.sas"]
-            left = self._deadline - time.monotonic()
-            try:
-                if left <= 0:
-                    raise subprocess.TimeoutExpired(command, 0)
-                done = subprocess.run(
-                    [*command, "domain.pddl", "problem.pddl"],
-                    cwd=folder,
-                    stdin=subprocess.DEVNULL,
-                    capture_output=True,
-                    text=True,
-                    errors="replace",
-                    timeout=left,
-                )
-                sas = (folder / "task.sas").read_text(encoding="utf-8") if done.returncode == 0 else ""
-            except subprocess.TimeoutExpired:
-                raise _TranslatorError("Fast Downward's translator did not finish in time") from None
-            except OSError as error:
-                raise _TranslatorError(f"Fast Downward's translator cannot be run ({error.strerror})") from None
-            if not sas:
-                said = (done.stderr.strip() or done.stdout.strip()).splitlines()
-                raise _TranslatorError(f"Fast Downward's translator failed ({said[-1] if said else done.returncode})")
-        try:
-            return tuple(sorted(_read(sas, self._names), key=lambda group: group.atoms))
-        except (LookupError, RuntimeError, ValueError) as error:
-            raise _TranslatorError(f"Fast Downward's translator wrote a file that cannot be read ({error!r})") from None
+class _Move(NamedTuple):
+    """A grounded action: the atoms that it needs to be true, that it makes true, and that it changes."""
+
+    needs: frozenset[Atom]
+    gives: frozenset[Atom]
+    changes: frozenset[Atom]
+
+
+def _moves(schema: Schema) -> list[_Move]:
+    """Every grounded action of a task; none where they are too many to be worth their time."""
+    sizes = (math.prod(len(schema.typing.members(kind)) for _, kind in a.parameters) for a in schema.actions.values())
+    if sum(sizes) > MOST_MOVES:
+        return []
+    found = []
+    for name, action in schema.actions.items():
+        for args in schema.typing.tuples([kind for _, kind in action.parameters]):
+            with contextlib.suppress(ValueError):  # this one contradicts itself
+                step = schema.ground(name, args)
+                found.append(_Move(step.preconditions.true, step.effects.true, frozenset(step.effects)))
+    return found
 
 
 class _Names:
@@ -166,6 +223,10 @@ class _Names:
         self._predicates = {name: f"p{number}" for number, name in enumerate(schema.predicates)}
         self._object_of = {new: name for name, new in self._objects.items()}
         self._predicate_of = {new: name for name, new in self._predicates.items()}
+
+    def atoms(self, name: str) -> Iterator[Atom]:
+        """The atoms of the predicate that is called `p1`; none of the flag."""
+        return (atom for atom in self._schema.task.atoms if self._predicates[atom.predicate] == name)
 
     def read(self, text: str) -> Atom | None:
         """The atom that the translator calls `Atom p1(o2, o3)`; None for the flag."""
@@ -276,11 +337,3 @@ def _read(sas: str, names: _Names) -> Iterator[Group]:
         members = tuple(atom for atom in atoms if atom is not None)
         if len(members) > 1:
             yield Group(members, variable_.exact)
-
-
-def _literals(conditions: Iterable[Condition]) -> Iterator[Literal]:
-    for condition in conditions:
-        if isinstance(condition, Forall):
-            yield from _literals(condition.body)
-        elif isinstance(condition, Literal):
-            yield condition

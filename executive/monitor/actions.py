@@ -55,7 +55,7 @@ class ActionModel:
     """
 
     counts: Mapping[tuple[str, SkillStatus], Chances] = field(default_factory=lambda: MappingProxyType({}))
-    unrest: float = 0.03
+    unrest: float = 0.04
 
     def __post_init__(self) -> None:
         if not 0.0 < self.unrest < 1.0:

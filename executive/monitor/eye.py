@@ -59,7 +59,7 @@ class Eye:
 
     readings: Mapping[str, Reading] = field(default_factory=lambda: MappingProxyType({}))
     other: Reading = field(default_factory=Reading)
-    alike: float = 0.3
+    alike: float = 0.2
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.alike <= 1.0:
