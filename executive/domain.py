@@ -46,7 +46,8 @@ class Domain:
 
     `parsed` is what a planner is made from; `skills` maps each action to the name of the skill that carries it out,
     `relations` each predicate to the name of the relation that is its truth in the simulator; `scene` is the file that
-    the world is built from, `subject` is what an estimator is asked about, `looking` is how it is to look, and `files`
+    the world is built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how
+    reliable the skills are (`executive.trust` reads it), if there is one, `looking` is how it is to look, and `files`
     are all the files that were read or located.
     """
 
@@ -61,6 +62,7 @@ class Domain:
     skills: Mapping[str, str]
     relations: Mapping[str, str]
     subject: Subject
+    outcomes: Path | None
     looking: Looking
     files: tuple[Path, ...]
 
@@ -121,6 +123,7 @@ def load_domain(
         skills=MappingProxyType(skill_of),
         relations=MappingProxyType(relation_of),
         subject=Subject(name, parsed.task, domain_file, questions, instructions),
+        outcomes=outcomes,
         looking=source.looking(
             manifest,
             parsed.predicates,
