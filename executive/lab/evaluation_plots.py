@@ -61,7 +61,7 @@ def average_precisions(series: Mapping[str, Answers]) -> bytes:
     chance = [float(first.of(atom).truth.mean()) if first.looks else 0.0 for atom in rows]
     axes.barh(places, 1.0, color="#f2f4f7", height=0.62, zorder=0)
     axes.plot(chance, places, "|", color="#8a939d", markersize=9, zorder=2)
-    for number, (name, answers) in enumerate(series.items()):
+    for number, answers in enumerate(series.values()):
         values = [average_precision(answers.of(atom)) for atom in rows]
         known = [(value, where) for value, where in zip(values, places, strict=True) if value is not None]
         colour = COLOURS[number % len(COLOURS)]
@@ -70,7 +70,9 @@ def average_precisions(series: Mapping[str, Answers]) -> bytes:
             for value, where in zip(values, places, strict=True):
                 text = "never true" if value is None else f"{value:.3f}"
                 axes.text(1.015, where, text, va="center", fontsize=7.5, color=_INK, family="monospace")
-        axes.plot([x for x, _ in known], [y for _, y in known], "o", color=colour, markersize=4.5, label=name, zorder=3)
+        axes.plot(
+            [x for x, _ in known], [y for _, y in known], "o", color=colour, markersize=4.5, zorder=3, clip_on=False
+        )
     axes.set_yticks(places, [str(atom) for atom in rows], fontsize=7.5)
     axes.set(ylim=(places[-1] + 0.8, 0.2), xlim=(0.0, 1.0))
     axes.set_xlabel("average precision (grey mark: by chance)", fontsize=8)

@@ -105,7 +105,14 @@ class Training:
         watch(Stage("pictures", done, wanted, 0, 0.0))
         if not missing:
             return
-        arguments = (self.config.domain, self.config.problem, self.config.seed, self.recipe.size.side, folder)
+        arguments = (
+            self.config.domain,
+            self.config.problem,
+            self.config.seed,
+            self.recipe.size.side,
+            self.recipe.moments,
+            folder,
+        )
         context = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(self.config.jobs, mp_context=context, initializer=_ignore_ctrl_c) as pool:
             waiting = {pool.submit(pictures.draw_shard, *arguments, number) for number in missing}

@@ -18,13 +18,10 @@ import mujoco
 import numpy as np
 
 from executive.domain import Domain, load_domain
-from executive.lab.eye.scenes import VARIANTS, Moment, Sampler
+from executive.lab.eye.scenes import Moment, Sampler
 from executive.sim import scene
 from executive.sim.studio import Lights, Shift, Studio
 from executive.types import FloatArray
-
-SHARD = 256
-"""Moments in a shard."""
 
 MASK = 48
 """Pixels of the masks' side."""
@@ -59,12 +56,12 @@ class Photographer:
         self._owner = np.array([*owner, 0], dtype=np.uint8)  # the last one is for what is no geom
         self._atoms = domain.task.atoms
 
-    def shard(self) -> dict[str, np.ndarray[Any, Any]]:
-        """The next `SHARD` moments."""
+    def shard(self, count: int) -> dict[str, np.ndarray[Any, Any]]:
+        """The next `count` moments."""
         moments: list[Moment] = []
-        while len(moments) < SHARD:
+        while len(moments) < count:
             moments += self._sampler.draw()
-        moments = moments[:SHARD]
+        moments = moments[:count]
         drawn = [self._draw(moment.qpos) for moment in moments]
         return {
             "pictures": np.stack([pictures for pictures, _ in drawn]),
@@ -107,11 +104,11 @@ def write_shard(folder: Path, number: int, arrays: Mapping[str, np.ndarray[Any, 
     passing.rename(final)
 
 
-def draw_shard(domain: str, problem: str | None, seed: int, side: int, folder: Path, number: int) -> None:
+def draw_shard(domain: str, problem: str | None, seed: int, side: int, count: int, folder: Path, number: int) -> None:
     """Draw one shard and write it: a process's whole task."""
     photographer = Photographer(load_domain(domain, problem), [seed, number], side)
     try:
-        write_shard(folder, number, photographer.shard())
+        write_shard(folder, number, photographer.shard(count))
     finally:
         photographer.close()
 
@@ -159,6 +156,3 @@ def _paint(model: mujoco.MjModel, rng: np.random.Generator) -> Iterator[None]:
 @contextmanager
 def _nothing() -> Iterator[None]:
     yield
-
-
-__all__ = ["MASK", "SHARD", "VARIANTS", "Photographer", "Shard", "read_shard", "shards", "write_shard"]

@@ -57,12 +57,13 @@ class Pace:
 class Recipe:
     """How much of everything. The numbers are those of the eye that is shipped.
 
-    `shards` of `pictures.SHARD` moments each; `batch` pictures a step in stage 2, `scenes` a step in stages 3 and 4 and
+    `shards` files of `moments` each; `batch` pictures a step in stage 2, `scenes` a step in stages 3 and 4 and
     `questions` about each; `align` are the first steps of stage 4, in which only the projector learns.
     """
 
     size: Size = field(default_factory=Size)
     shards: int = 44
+    moments: int = 256
     tower: Pace = Pace(1200, 2e-3, 100, clip=2.0)
     language: Pace = Pace(700, 1.5e-3)
     together: Pace = Pace(1400, 7e-4)
@@ -77,7 +78,8 @@ RECIPES = {
     "small": Recipe(),
     "smallest": Recipe(
         size=SMALLEST,
-        shards=1,
+        shards=2,
+        moments=6,
         tower=Pace(4, 1e-3),
         language=Pace(4, 1e-3),
         together=Pace(4, 1e-3),
