@@ -71,7 +71,13 @@ def average_precisions(series: Mapping[str, Answers]) -> bytes:
                 text = "never true" if value is None else f"{value:.3f}"
                 axes.text(1.015, where, text, va="center", fontsize=7.5, color=_INK, family="monospace")
         axes.plot(
-            [x for x, _ in known], [y for _, y in known], "o", color=colour, markersize=4.5, zorder=3, clip_on=False
+            [x for x, _ in known],
+            [y for _, y in known],
+            "o",
+            color=colour,
+            markersize=4.5,
+            zorder=9 - number,
+            clip_on=False,
         )
     axes.set_yticks(places, [str(atom) for atom in rows], fontsize=7.5)
     axes.set(ylim=(places[-1] + 0.8, 0.2), xlim=(0.0, 1.0))
