@@ -9,7 +9,7 @@ import re
 import shutil
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +21,7 @@ from executive.errors import DomainError, InputError, nearest
 from executive.eye import NO_MODEL, EyeConfig, open_eye
 from executive.faults import Fault, FaultInjector, parse_fault
 from executive.loop import Executive
+from executive.monitoring import MonitorConfig, open_monitor
 from executive.planning import FastDownwardPlanner
 from executive.policy import Settings
 from executive.protocols import Estimator, Sink, Skill
@@ -42,7 +43,7 @@ class RunConfig:
 
     `domain` is a folder or a shipped domain's name. `faults` are in the grammar of `executive.faults`. `grasp_noise`
     is a standard deviation in m. `runs` is where the run's own folder is made, `name` what it is called. `eye` says how
-    the estimator "vlm" sees.
+    the estimator "vlm" sees, `monitor` what is made of what is seen.
     """
 
     domain: str
@@ -58,6 +59,7 @@ class RunConfig:
     name: str | None = None
     viewer: bool = True
     eye: EyeConfig | None = None
+    monitor: MonitorConfig = field(default_factory=MonitorConfig)
 
     def __post_init__(self) -> None:
         if self.estimator not in ESTIMATORS:
@@ -93,10 +95,11 @@ class Run:
         self.config = config
         self.domain = load_domain(config.domain, config.problem)
         injected = [parse_fault(spec, _items(self.domain)) for spec in config.faults]
+        planner = FastDownwardPlanner(self.domain.parsed)
+        planner.warm_up()  # unified-planning takes seconds to import; meanwhile all else is made
+        self.monitor = None if config.estimator == "none" else open_monitor(config.monitor, self.domain, config.eye)
         # A model takes long to load and may be none: before anything that would have to be undone.
         seeing = open_eye(config.eye, self.domain.subject) if config.eye is not None else None
-        planner = FastDownwardPlanner(self.domain.parsed)
-        planner.warm_up()  # unified-planning takes seconds to import; meanwhile the scene compiles
         self.world, self.truth = _stage(self.domain, config)
         self.folder = _make_folder(config, self.domain)
         self._collector = Collector()
@@ -149,6 +152,7 @@ class Run:
             initial=initial,
             domain=self.domain.name,
             run=self.folder.name,
+            monitor=self.monitor,
             attention=_attention(self.domain, self.world),
             moves=load_moves(self.domain),
         )
@@ -247,16 +251,16 @@ def _make_folder(config: RunConfig, domain: Domain) -> Path:
 
 def _toml(config: RunConfig) -> str:
     lines = ["# All that decides how this run went.", *_settings(config)]
-    if config.eye is not None:
-        lines += ["", "[eye]", *_settings(config.eye)]
+    for name, table in (("eye", config.eye), ("monitor", config.monitor)):
+        lines += ["", f"[{name}]", *_settings(table)] if table is not None else []
     return "\n".join(lines) + "\n"
 
 
-def _settings(config: RunConfig | EyeConfig) -> list[str]:
+def _settings(config: RunConfig | EyeConfig | MonitorConfig) -> list[str]:
     """A line for everything that is set. A JSON string, number, boolean or array of strings is a TOML one."""
     values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
     return [
         f"{name} = {json.dumps(str(value) if isinstance(value, Path) else value)}"
         for name, value in values.items()
-        if value is not None and not isinstance(value, EyeConfig)
+        if value is not None and not isinstance(value, EyeConfig | MonitorConfig)
     ]

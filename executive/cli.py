@@ -159,6 +159,14 @@ def run(
     instructions: Instructions = True,
     per_image: PerImage = False,
     calibration: CalibrationFile = None,
+    alpha: Annotated[
+        float | None, typer.Option(help="Tell something wrongly in at most this share of looks; doubt the rest.")
+    ] = None,
+    threshold: Annotated[
+        float | None, typer.Option(help="Take each answer alone at its word, above or below; 0.5 is the paper's way.")
+    ] = None,
+    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Weigh looks with what was seen before.")] = True,
+    trust: Annotated[Path | None, typer.Option(help="A file that says how often the model errs.")] = None,
     fault: Annotated[
         list[str] | None, typer.Option(help="Break something: drop@4, drop:p=0.3, miss@3, shove@3.")
     ] = None,
@@ -180,6 +188,7 @@ def run(
     from executive import assemble
     from executive.eye import EyeConfig
     from executive.faults import parse_fault
+    from executive.monitoring import MonitorConfig
     from executive.trace.console import waiting
     from executive.trace.report import print_summary
     from executive.trace.terminal import TerminalSink
@@ -199,6 +208,7 @@ def run(
         name=name,
         viewer=viewer,
         eye=EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration) if looking else None,
+        monitor=MonitorConfig(alpha, threshold, memory, trust),
     )
     stream = sys.stderr if as_json else sys.stdout
     with nullcontext() if quiet else waiting(stream, "loading planner and simulator"):
