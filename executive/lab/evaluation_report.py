@@ -98,8 +98,8 @@ def summary(document: Mapping[str, Any], folder: Path) -> str:
 _FIGURES = {
     CURVES: (
         "Precision and recall",
-        "Over all thresholds: of all answers, of each predicate's atoms pooled, and of single atoms (whose curves are "
-        "published, and the one that is told worst).",
+        "Over all thresholds: of all answers, of each predicate's atoms pooled, and of single atoms: the "
+        "published ones, and the one that is told worst.",
     ),
     PRECISIONS: (
         "Average precision of each atom",
