@@ -46,7 +46,8 @@ class Wordings:
         Raises:
             DomainError: the file has a mistake, named with its key.
         """
-        predicates = {name: [pattern] for name, pattern in templates.predicates.items()}
+        # A bracket in questions.toml is a bracket, and what has one is asked in no other words.
+        predicates = {name: [text] if "(" not in text else [] for name, text in templates.predicates.items()}
         names = {name: [text] for name, text in templates.names(task).items()}
         if file is not None:
             tables = _tables(file)
@@ -73,7 +74,7 @@ class Wordings:
     def draw(self, atom: Atom, rng: random.Random) -> tuple[str, list[str]]:
         """One question about an atom, and what it calls the atom's arguments. One in five is the official one, which
         is what runs ask."""
-        if rng.random() < 0.2:
+        if rng.random() < 0.2 or not self.patterns[atom.predicate]:
             return self.official[atom], [self.names[name][0] for name in atom.args]
         pattern = expand(rng.choice(self.patterns[atom.predicate]), rng)
         names = [rng.choice(self.names[name]) for name in atom.args]
@@ -121,8 +122,9 @@ def _check(patterns: Sequence[str], parameters: Sequence[str], file: Path | None
             raise DomainError(
                 f"{pattern!r} names {{{min(unknown)}}}; {nearest(min(unknown), known)}", file=file, key=key
             )
-        if missing := set(parameters) - places:
-            raise DomainError(f"{pattern!r} does not name {{{min(missing)}}}", file=file, key=key)
+        for index, name in enumerate(parameters, start=1):
+            if places.isdisjoint((name, str(index))):
+                raise DomainError(f"{pattern!r} does not name {{{name}}}", file=file, key=key)
 
 
 def _leftover(pattern: str) -> bool:
