@@ -94,9 +94,14 @@ class EventLog:
         self._size += len(data)
 
     def _save(self, observation: int, camera: str, image: Image) -> str:
-        name = f"{IMAGES_FOLDER}/{observation:04d}-{quote(camera, safe='')}.jpg"
+        name = picture_name(observation, camera)
         (self._run / name).write_bytes(to_jpeg(image))
         return name
+
+
+def picture_name(observation: int, camera: str) -> str:
+    """Where in a run's folder a camera's picture of an observation lies."""
+    return f"{IMAGES_FOLDER}/{observation:04d}-{quote(camera, safe='')}.jpg"
 
 
 def read_events(run: Path | str, images: bool = True) -> Iterator[Event]:

@@ -5,21 +5,33 @@ from __future__ import annotations
 import json
 import os
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO, TypedDict
 
+from executive.trace.events import picture_name
 from executive.trace.story import Story
-from executive.types import Event, Motion, OutcomeKind, Started, Timing
+from executive.types import (
+    Decision,
+    DecisionKind,
+    Event,
+    Looked,
+    LookKind,
+    Motion,
+    Moved,
+    OutcomeKind,
+    Started,
+    Timing,
+)
 
 if TYPE_CHECKING:
     from rich.text import Text
 
 SUMMARY_FILE = "summary.json"
 _LABEL = 10
-STAGES = ("observe", "estimate", "plan", "motion", "skill", "other")
-"""Where wall time goes: looking, estimating atoms, planning the task, planning motions, the rest of the skills (in a
-simulator, its physics), and all else (start-up, decisions, sinks)."""
+STAGES = ("observe", "estimate", "plan", "motion", "guard", "skill", "other")
+"""Where wall time goes: looking, estimating atoms, planning the task, planning motions, looking after what is carried,
+the rest of the skills (in a simulator, its physics), and all else (start-up, decisions, sinks)."""
 
 
 class Fault(TypedDict):
@@ -30,6 +42,27 @@ class Fault(TypedDict):
     action: int
     time: float
     detail: str
+
+
+class Looks(TypedDict):
+    """What was spent on looking: looks that decisions were made on, how many of them were a second look or more at the
+    same moment, questions asked in them, how often and how long (world seconds) the arm was brought out of the way, and
+    the guard's glances at what was carried, each a question."""
+
+    total: int
+    again: int
+    questions: int
+    moves: int
+    moving_seconds: float
+    glances: int
+
+
+class GivenUp(TypedDict):
+    """A literal of the goal that was given up, why, and the pictures in the run's folder of the last look at it."""
+
+    goal: str
+    why: str
+    pictures: list[str]
 
 
 class Summary(TypedDict):
@@ -47,10 +80,12 @@ class Summary(TypedDict):
     goal_seen: bool
     goal_true: bool | None
     unreached: list[str]
+    given_up: list[GivenUp]
     cycles: int
     actions: int
     replans: int
     looks: int
+    looking: Looks
     faults: list[Fault]
     sim_seconds: float
     wall_seconds: dict[str, float]
@@ -64,6 +99,8 @@ class Collector:
         self._stages = dict.fromkeys(STAGES, 0.0)
         self._began: Event | None = None
         self._last: Event | None = None
+        self._looking = Looks(total=0, again=0, questions=0, moves=0, moving_seconds=0.0, glances=0)
+        self._given_up: dict[str, list[Decision]] = {}
 
     def write(self, event: Event) -> None:
         self._story.tell(event)
@@ -73,9 +110,24 @@ class Collector:
                 self._began = event
             case Timing(stage=stage, seconds=seconds):
                 self._stages[stage if stage in self._stages else "other"] += seconds
+                if stage == "guard":
+                    self._stages["skill"] -= seconds  # it looks while the skill is at work
             case Motion(planning_seconds=seconds):
                 self._stages["motion"] += seconds
                 self._stages["skill"] -= seconds  # which is where the motion was planned, and its timing will say so
+            case Looked(kind=LookKind.GUARD):
+                self._looking["glances"] += 1
+            case Looked(questions=questions):
+                self._looking["total"] += 1
+                self._looking["questions"] += questions
+            case Moved(seconds=seconds) if seconds > 0.0:
+                self._looking["moves"] += 1
+                self._looking["moving_seconds"] += seconds
+            case Decision(kind=DecisionKind.LOOK_AGAIN):
+                self._looking["again"] += 1
+            case Decision(kind=DecisionKind.GIVE_UP_GOAL | DecisionKind.STOP, evidence=evidence) as decision:
+                for atom in evidence:
+                    self._given_up.setdefault(str(atom), []).append(decision)
 
     def close(self) -> None:
         pass
@@ -103,10 +155,12 @@ class Collector:
             goal_seen=ended.goal_seen if ended else False,
             goal_true=goal_true,
             unreached=list(ended.unreached if ended else story.unreached()),
+            given_up=list(self._lost(ended.unreached if ended else story.unreached())),
             cycles=ended.cycles if ended else story.cycle,
             actions=ended.actions if ended else story.actions,
             replans=ended.replans if ended else story.replans,
             looks=ended.looks if ended else story.looks,
+            looking=Looks(**{**self._looking, "moving_seconds": round(self._looking["moving_seconds"], 3)}),
             faults=[
                 Fault(kind=fault.kind, spec=fault.spec, action=fault.action, time=event.time, detail=fault.detail)
                 for event, fault in story.faults
@@ -114,6 +168,15 @@ class Collector:
             sim_seconds=round(last.time - began.time, 3),
             wall_seconds=self._wall_seconds(last.wall),
         )
+
+    def _lost(self, unreached: Sequence[str]) -> Iterator[GivenUp]:
+        """What was given up and not reached after all: why, and as it was seen last."""
+        for literal in unreached:
+            name = literal.removeprefix("not ")
+            if decisions := self._given_up.get(name):
+                grounds = [ground for ground in decisions[-1].grounds if str(ground.atom) == name]
+                pictures = [picture_name(g.observation_id, camera) for g in grounds for camera in g.cameras]
+                yield GivenUp(goal=literal, why=decisions[0].reason, pictures=pictures)
 
     def _wall_seconds(self, total: float) -> dict[str, float]:
         stages = {stage: max(0.0, seconds) for stage, seconds in self._stages.items()}
@@ -154,7 +217,12 @@ def print_summary(summary: Summary, run: Path | str, stream: TextIO) -> None:
     rows: list[tuple[str, Text]] = [("outcome", _outcome(summary))]
     if summary["unreached"]:
         rows.append(("unreached", Text(", ".join(summary["unreached"]), "yellow")))
+    for lost in summary["given_up"]:
+        pictures = f" (see {', '.join(lost['pictures'])})" if lost["pictures"] else ""
+        rows.append(("given up", Text(f"{lost['goal']}: {lost['why']}{pictures}", "yellow")))
     rows.append(("actions", Text(_counts(summary))))
+    if summary["looking"]["questions"]:
+        rows.append(("looking", Text(_looking(summary["looking"]))))
     rows += [("fault", Text(_fault(fault), "magenta")) for fault in summary["faults"]]
     rows.append(("time", Text(_times(summary))))
     rows.append(("inspect", Text(f"executive inspect {shlex.quote(str(run))}", "bold")))
@@ -211,6 +279,17 @@ def _counts(summary: Summary) -> str:
         _plural(summary["looks"], "look"),
     ]
     return f"{', '.join(parts)} in {_plural(summary['cycles'], 'cycle')}"
+
+
+def _looking(looks: Looks) -> str:
+    parts = [f"{looks['questions'] / looks['total']:.0f} questions a look"]
+    if looks["again"]:
+        parts.append(f"{_plural(looks['again'], 'look')} again at what was in doubt")
+    if looks["moves"]:
+        parts.append(f"{looks['moving_seconds']:.1f} s to clear the view")
+    if looks["glances"]:
+        parts.append(f"{_plural(looks['glances'], 'glance')} at what was carried")
+    return ", ".join(parts)
 
 
 def _plural(count: int, noun: str) -> str:

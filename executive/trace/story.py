@@ -14,7 +14,9 @@ from typing import TypeAlias
 from executive.types import (
     Atom,
     Belief,
+    Blinded,
     Compared,
+    Contradiction,
     Decision,
     DecisionKind,
     Dispatched,
@@ -22,6 +24,9 @@ from executive.types import (
     Event,
     Facts,
     FaultInjected,
+    Guarded,
+    Judged,
+    Moved,
     NoPlan,
     Observation,
     OutcomeKind,
@@ -32,8 +37,9 @@ from executive.types import (
     Step,
 )
 
-Remark: TypeAlias = FaultInjected | Decision | NoPlan
-"""What is worth telling at one point of the story: a fault, that there is no plan, a decision that is not routine."""
+Remark: TypeAlias = FaultInjected | Decision | NoPlan | Contradiction | Guarded | Blinded | Moved
+"""What is worth telling at one point of the story: a fault, that there is no plan, a decision that is not routine,
+answers that cannot all be so, a doubt about what is carried, a camera that is left out, the arm out of the way."""
 
 
 class Mark(StrEnum):
@@ -106,6 +112,8 @@ class Story:
     time: float = 0.0
     actions: int = 0
     looks: int = 0
+    """Those that decisions are made on; `glances` are the guard's."""
+    glances: int = 0
     _current: StepLine | None = None
 
     @property
@@ -117,6 +125,11 @@ class Story:
     def current(self) -> StepLine | None:
         """The step that was dispatched last, of whichever plan."""
         return self._current
+
+    @property
+    def at_work(self) -> bool:
+        """Whether a skill is carrying out a step."""
+        return self._current is not None and self._current.mark is Mark.CURRENT and self._current.result is None
 
     @property
     def replans(self) -> int:
@@ -139,12 +152,24 @@ class Story:
             case Started() as started:
                 self.started = started
             case Observation():
-                self.looks += 1
-                self.phase = "look"
+                if self.at_work:
+                    self.glances += 1
+                else:
+                    self.looks += 1
+                    self.phase = "look"
             case Belief(probability=probability, unanswered=unanswered):
                 self.probability.update(probability)
                 for atom in unanswered:
                     self.probability.pop(atom, None)
+            case Judged() as judged:
+                self.probability.update({a: p for a, p in judged.probability.items() if a in judged.seen})
+                for contradiction in judged.contradictions:
+                    self._remark(contradiction)
+            case Guarded(held=held) as guarded:
+                if held is False:
+                    self._remark(guarded)
+            case Blinded() | Moved() as news:
+                self._remark(news)
             case Plan() as plan:
                 self._replace(plan)
             case NoPlan() as no_plan:

@@ -9,19 +9,25 @@ from rich.text import Text
 
 from executive.trace.story import Mark, PlanLine, Remark, Standing, StepLine, Story
 from executive.types import (
+    Blinded,
     Compared,
+    Contradiction,
     Decision,
     DecisionKind,
     Dispatched,
     Ended,
     Event,
     FaultInjected,
+    Guarded,
+    Judged,
+    Moved,
     NoPlan,
     Observation,
     OutcomeKind,
     Plan,
     Questions,
     SkillResult,
+    SkillStatus,
     Started,
     Step,
 )
@@ -91,13 +97,17 @@ def event_line(event: Event, story: Story) -> Text | None:
         case Questions() if payload.warnings:
             more = f" (and {len(payload.warnings) - 1} more)" if len(payload.warnings) > 1 else ""
             text.append(f"questions, {payload.translator}: {payload.warnings[0]}{more}", "yellow")
-        case Observation():
+        case Observation() if not story.at_work:  # what the guard sees is told when there is something to it
             text.append(f"look {payload.id}: {payload.cause}" if payload.cause else f"look {payload.id}")
         case Plan():
             steps = ", ".join(spoken(step) for step in payload.steps)
             text.append(f"{_plan_title(story.plans[-1])}: {steps}")
-        case NoPlan() | FaultInjected():
+        case NoPlan() | FaultInjected() | Blinded() | Moved():
             text = _remark(payload)
+        case Guarded(held=False):
+            text = _remark(payload)
+        case Judged() if payload.contradictions:
+            text = Text("; ").join(map(_remark, payload.contradictions))
         case Dispatched():
             attempt = f" (attempt {payload.attempt})" if payload.attempt > 1 else ""
             text.append(f"action {payload.action}: {spoken(payload.step)}{attempt}", "bold")
@@ -231,7 +241,25 @@ def _remark(remark: Remark) -> Text:
             text.append(f"no plan: {remark.reason}{f', {remark.detail}' if remark.detail else ''}", "red")
         case Decision():
             text.append(f"{remark.kind}: {remark.reason}", _decision_style(remark))
+        case Contradiction():
+            text.append(f"contradiction: {contradiction(remark)}", "yellow")
+        case Guarded():
+            lost = ", again: the skill is told" if remark.lost else ""
+            text.append(f"guard: {remark.atom} is not seen in look {remark.observation_id}{lost}", "yellow")
+        case Blinded():
+            text.append(f"camera {remark.camera} is left out: {remark.reason}", "yellow")
+        case Moved():
+            failed = "" if remark.status is SkillStatus.DONE else f" ({remark.status})"
+            text.append(f"out of the way, {remark.move}: {remark.seconds:.1f} s{failed}", "dim")
     return text
+
+
+def contradiction(clash: Contradiction) -> str:
+    """Answers that cannot all be so, and what was made of them."""
+    said = " and ".join(f"{atom} ({value:.2f})" for atom, value in clash.answers.items())
+    held = [f"{atom} is, {value:.2f}" for atom, value in clash.resolved.items() if value >= 0.5]
+    wrong = "all be false" if clash.exact else "all be true"
+    return f"{said} cannot {wrong}: {', '.join(held) or 'none of them is'}"
 
 
 def _decision_style(decision: Decision) -> str:

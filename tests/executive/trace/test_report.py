@@ -25,8 +25,8 @@ from tests.executive.trace.strategies import events
 from tests.executive.trace.synthetic import synthetic_events
 
 KEYS = (
-    "run, domain, problem, seed, estimator, outcome, goal_seen, goal_true, unreached, cycles, actions, replans, looks, "
-    "faults, sim_seconds, wall_seconds"
+    "run, domain, problem, seed, estimator, outcome, goal_seen, goal_true, unreached, given_up, cycles, actions, "
+    "replans, looks, looking, faults, sim_seconds, wall_seconds"
 )
 
 
