@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executive.errors import DomainError, nearest
-from executive.s3e.questions import Templates, plain
+from executive.s3e.questions import Templates
 from executive.types import Atom, Task
 
 WORDINGS = "wordings.toml"
@@ -66,7 +66,7 @@ class Wordings:
         official = templates.translate(task).text
         return cls(
             {name: tuple(patterns) for name, patterns in predicates.items()},
-            {name: tuple(dict.fromkeys([*entries, plain(name)])) for name, entries in names.items()},
+            {name: tuple(dict.fromkeys(entries)) for name, entries in names.items()},
             parameters,
             official,
         )

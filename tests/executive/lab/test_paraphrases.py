@@ -116,3 +116,11 @@ def test_no_held_out_wording_is_trained_on() -> None:
         if re.fullmatch("".join(c if c in "(|)" else re.escape(c) for c in template), text, re.IGNORECASE)
     ]
     assert said == []
+
+
+def test_no_held_out_name_is_trained_on() -> None:
+    held_out = tomllib.loads(HELD_OUT.read_text(encoding="utf-8"))["objects"]
+    trained = tomllib.loads(TRAINED.read_text(encoding="utf-8"))["objects"]
+    own = set(OWN.names(TASK).values())
+    said = {name.casefold() for names in trained.values() for name in names} | own
+    assert said.isdisjoint(name.casefold() for names in held_out.values() for name in names)
