@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from executive.attention import Attention
 from executive.domain import Domain, load_domain
 from executive.errors import DomainError, InputError, nearest
-from executive.eye import NO_MODEL, EyeConfig, open_eye
+from executive.eye import EyeConfig, open_eye, settled
 from executive.faults import Fault, FaultInjector, parse_fault
 from executive.loop import Executive
 from executive.monitoring import MonitorConfig, open_monitor
@@ -66,8 +66,6 @@ class RunConfig:
             raise InputError(
                 f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator"
             )
-        if self.estimator == "vlm" and self.eye is None:
-            raise InputError(NO_MODEL, key="--estimator vlm")
         if self.estimator != "vlm" and self.eye is not None:
             raise InputError(
                 f"{self.estimator!r} asks no model; --vlm and --server go with --estimator vlm", key="--estimator"
@@ -97,9 +95,12 @@ class Run:
         injected = [parse_fault(spec, _items(self.domain)) for spec in config.faults]
         planner = FastDownwardPlanner(self.domain.parsed)
         planner.warm_up()  # unified-planning takes seconds to import; meanwhile all else is made
-        self.monitor = None if config.estimator == "none" else open_monitor(config.monitor, self.domain, config.eye)
+        eye = None
+        if config.estimator == "vlm":
+            eye = settled(config.eye or EyeConfig(), self.domain.subject)
+        self.monitor = None if config.estimator == "none" else open_monitor(config.monitor, self.domain, eye)
         # A model takes long to load and may be none: before anything that would have to be undone.
-        seeing = open_eye(config.eye, self.domain.subject) if config.eye is not None else None
+        seeing = open_eye(eye, self.domain.subject) if eye is not None else None
         self.world, self.truth = _stage(self.domain, config)
         self.folder = _make_folder(config, self.domain)
         self._collector = Collector()

@@ -6,7 +6,7 @@ What the commands `run` and `estimate` have in common. Everything that is built 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executive.domain import Subject
@@ -29,9 +29,13 @@ from executive.types import Questions
 
 TRANSLATORS = ("templates", "llm", "none")
 
+SHIPPED = Path(__file__).parent / "models"
+"""Where the models are that come with Executive: `grocery-eye` for the domain grocery."""
+
 NO_MODEL = (
-    "no model comes with Executive yet: pass --vlm with a vision-language model's folder or id on the model hub, or "
-    "--server with the address of an OpenAI-compatible server that has one, such as http://127.0.0.1:8000/v1"
+    "no eye comes with the domain {name!r}: pass --vlm with a vision-language model's folder or id on the model hub, or "
+    "--server with the address of an OpenAI-compatible server that has one, or grow one: executive train {name} --out "
+    "{name}-eye (or do without: executive run {name} --estimator oracle)"
 )
 
 
@@ -39,8 +43,8 @@ NO_MODEL = (
 class EyeConfig:
     """What decides how an eye sees.
 
-    `vlm` is a checkpoint's folder or hub id; with `server`, the address of an OpenAI-compatible server, it is the name
-    of a model there (without one, the only one there). `translator` words the questions: the domain's templates, a
+    `vlm` is a checkpoint's folder or hub id, and without it the model that comes with the domain; with `server`, the
+    address of an OpenAI-compatible server, it is the name of a model there (without one, the only one there). `translator` words the questions: the domain's templates, a
     language model (`llm`: a folder, a hub id, or a model's name at the server; without one, the model at the server
     that looks), or nobody. `instructions` says whether the model is told how things look, as far as the domain says it.
     `per_image` asks about each picture on its own. `calibration` is a file that corrects probabilities; without it, the
@@ -59,14 +63,32 @@ class EyeConfig:
         if self.translator not in TRANSLATORS:
             hint = nearest(self.translator, TRANSLATORS)
             raise InputError(f"no translator {self.translator!r}; {hint}", key="--translator")
-        if self.vlm is None and self.server is None:
-            raise InputError(NO_MODEL)
         if self.server is not None:
             base_url(self.server)  # nothing that could be a secret goes into a run's record
         if self.llm is not None and self.translator != "llm":
             raise InputError("goes with --translator llm", key="--llm")
         if self.translator == "llm" and self.llm is None and self.server is None:
             raise InputError("needs --llm with a language model's folder or id", key="--translator llm")
+
+
+def shipped(name: str) -> Path | None:
+    """The folder of the model that comes with a domain, or None."""
+    folder = SHIPPED / f"{name}-eye"
+    return folder if (folder / "config.json").is_file() else None
+
+
+def settled(config: EyeConfig, subject: Subject) -> EyeConfig:
+    """The same with the model named, where the domain's own was meant.
+
+    Raises:
+        InputError: no model comes with the domain.
+    """
+    if config.vlm is not None or config.server is not None:
+        return config
+    folder = shipped(subject.name)
+    if folder is None:
+        raise InputError(NO_MODEL.format(name=subject.name), key="--vlm")
+    return replace(config, vlm=str(folder))
 
 
 def open_eye(config: EyeConfig, subject: Subject) -> S3E:
@@ -77,6 +99,7 @@ def open_eye(config: EyeConfig, subject: Subject) -> S3E:
         MissingError: the model needs a package that is not installed.
     """
     # What costs little and can be wrong comes first.
+    config = settled(config, subject)
     calibration = load_calibration(config)
     server = None if config.server is None else ChatServer(config.server, config.vlm)
     questions = word_questions(config, subject, server)

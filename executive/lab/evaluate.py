@@ -18,7 +18,7 @@ import numpy as np
 
 from executive.domain import Domain, load_domain, load_subject
 from executive.errors import InputError
-from executive.eye import EyeConfig, load_calibration, open_eye
+from executive.eye import EyeConfig, load_calibration, open_eye, settled
 from executive.lab import dataset, published
 from executive.lab.dataset import Point
 from executive.lab.disturbance import Disturbance, Disturber
@@ -209,7 +209,7 @@ class Evaluator:
             "problem": self.subject.task.problem,
             "data": {"folder": config.data.name, "seed": collection.get("seed"), "home_pose": at_home},
             "model": model,
-            "calibrated": load_calibration(config.eye) is not None,
+            "calibrated": load_calibration(settled(config.eye, self.subject)) is not None,
             "translator": config.eye.translator,
             "instructions": instructed,
             "per_image": config.eye.per_image,
