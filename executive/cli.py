@@ -417,6 +417,19 @@ def _ctrl_c(cancel: Callable[[], None]) -> Iterator[None]:
 
 
 @app.command()
+def explain(
+    run: Annotated[str, typer.Argument(help="A run's folder, or its name in runs/.", autocompletion=completion.runs)],
+    cycle: Annotated[int | None, typer.Option(min=0, help="Only this cycle, with all that is known of it.")] = None,
+) -> None:
+    """Tell what a run did, saw and decided, and why, from its record alone."""
+    from executive.trace.events import read_events
+    from executive.trace.explain import explain as told
+    from executive.trace.explain import print_lines
+
+    print_lines(told(read_events(_run_folder(run), images=False), cycle), sys.stdout)
+
+
+@app.command()
 def inspect(
     run: Annotated[str, typer.Argument(help="A run's folder, or its name in runs/.", autocompletion=completion.runs)],
     web: Annotated[bool, typer.Option("--web", help="In a browser on this machine, instead of a window.")] = False,
