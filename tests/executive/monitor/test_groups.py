@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from executive.monitor.groups import Group, Network
@@ -56,7 +56,6 @@ def test_answers_are_those_of_counting_every_state(some: tuple[Group, ...], weig
     assert answer.log_best == pytest.approx(math.fsum(weight[atom] for atom in answer.best), abs=1e-9)
 
 
-@settings(deadline=None)  # the first example imports scipy
 @given(groups, weights)
 def test_where_groups_overlap_too_much_the_best_state_is_still_the_best(
     some: tuple[Group, ...], weight: dict[Atom, float]
