@@ -33,8 +33,8 @@ SHIPPED = Path(__file__).parent / "models"
 """Where the models are that come with Executive: `grocery-eye` for the domain grocery."""
 
 NO_MODEL = (
-    "no eye comes with the domain {name!r}: pass --vlm with a vision-language model's folder or id on the model hub, or "
-    "--server with the address of an OpenAI-compatible server that has one, or grow one: executive train {name} --out "
+    "no eye comes with the domain {name!r}: pass --vlm with a vision-language model's folder or id on the model hub, "
+    "or --server with the address of an OpenAI-compatible server that has one, or grow one: executive train {name} --out "
     "{name}-eye (or do without: executive run {name} --estimator oracle)"
 )
 
@@ -43,12 +43,13 @@ NO_MODEL = (
 class EyeConfig:
     """What decides how an eye sees.
 
-    `vlm` is a checkpoint's folder or hub id, and without it the model that comes with the domain; with `server`, the
-    address of an OpenAI-compatible server, it is the name of a model there (without one, the only one there). `translator` words the questions: the domain's templates, a
-    language model (`llm`: a folder, a hub id, or a model's name at the server; without one, the model at the server
-    that looks), or nobody. `instructions` says whether the model is told how things look, as far as the domain says it.
-    `per_image` asks about each picture on its own. `calibration` is a file that corrects probabilities; without it, the
-    one beside the model's folder, if there is any.
+    `vlm` is a checkpoint's folder or hub id, and without it the model that comes with the domain; with `server`,
+    the address of an OpenAI-compatible server, it is the name of a model there (without one, the only one there).
+    `translator` words the questions: the domain's templates, a language model (`llm`: a folder, a hub id, or a
+    model's name at the server; without one, the model at the server that looks), or nobody. `instructions` says
+    whether the model is told how things look, as far as the domain says it. `per_image` asks about each picture on
+    its own. `calibration` is a file that corrects probabilities; without it, the one beside the model's folder, if
+    there is any.
     """
 
     vlm: str | None = None
