@@ -34,8 +34,8 @@ SHIPPED = Path(__file__).parent / "models"
 
 NO_MODEL = (
     "no eye comes with the domain {name!r}: pass --vlm with a vision-language model's folder or id on the model hub, "
-    "or --server with the address of an OpenAI-compatible server that has one, or grow one: executive train {name} --out "
-    "{name}-eye (or do without: executive run {name} --estimator oracle)"
+    "or --server with the address of an OpenAI-compatible server that has one, or grow one: executive train {name} "
+    "--out {name}-eye (or do without: executive run {name} --estimator oracle)"
 )
 
 
