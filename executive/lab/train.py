@@ -23,6 +23,7 @@ from executive.errors import InputError
 from executive.lab import dataset
 from executive.lab.eye.sizes import RECIPES, Recipe
 from executive.lab.progress import Stage
+from executive.sim.spec import read_scene
 
 if TYPE_CHECKING:
     from executive.lab.eye.descent import Report
@@ -132,7 +133,7 @@ class Training:
     def _grow(self, watch: Watch) -> Path:
         import torch
 
-        from executive.lab.eye import descent, network
+        from executive.lab.eye import card, descent, network
         from executive.lab.eye.recipe import LANGUAGE, TOGETHER, TOWER, Eye, Pool
         from executive.lab.eye.wordings import WORDINGS
 
@@ -155,8 +156,13 @@ class Training:
             eye.learn_to_see(folder, out / TOWER, tell, stopped)
             eye.learn_to_read(Pool(folder).states(), out / LANGUAGE, tell, stopped)
         eye.learn_together(folder, out / TOGETHER, tell, stopped)
-        network.save(eye.model, eye.tokenizer, recipe.size, out / MODEL)
-        return out / MODEL
+        model = out / MODEL
+        network.save(eye.model, eye.tokenizer, recipe.size, model)
+        parameters = sum(part.numel() for part in eye.model.parameters())
+        cameras = len(read_scene(self.domain.scene).cameras)
+        text = card.render(self.domain, recipe, cameras, parameters, self.config.seed, self.config.command)
+        dataset.write_atomically(model / "README.md", text.encode())
+        return model
 
     # What is kept beside it.
 
