@@ -371,6 +371,21 @@ def evaluate(
 
 
 @app.command()
+def calibrate(
+    domain: DomainName,
+    evaluations: Annotated[list[Path], typer.Argument(help="Evaluations of one model (see: executive eval).")],
+    out: Annotated[Path, typer.Option(help="The model's folder, where runs find it; or a file, for run --trust.")],
+    problem: ProblemName = None,
+) -> None:
+    """Learn from evaluations how far a model can be trusted, for runs with it, and with --alpha."""
+    from executive.lab import calibrate as calibrating
+
+    file, trust = calibrating.calibrate(domain, evaluations, out, problem)
+    print(calibrating.summary(trust))
+    print(f"written to {file}")
+
+
+@app.command()
 def train(
     domain: DomainName,
     out: Annotated[Path, typer.Option(help="The folder for everything; a training that was begun is gone on with.")],

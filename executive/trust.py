@@ -15,7 +15,7 @@ import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -26,6 +26,9 @@ from executive.monitor.eye import Eye, Reading
 from executive.monitor.fused import FusedMonitor
 from executive.monitor.groups import Network
 from executive.types import Atom, Belief, SkillStatus
+
+if TYPE_CHECKING:
+    from executive.s3e.calibration import Scaling
 
 FILE = "trust.json"
 """What the file is called that lies beside a model."""
@@ -60,6 +63,7 @@ def fit(looks: Sequence[tuple[Mapping[Atom, float], Mapping[Atom, bool]]], netwo
     Raises:
         InputError: there are fewer than two looks with answers.
     """
+    from executive.s3e.calibration import PRIOR as LEANING
     from executive.s3e.calibration import fit as fit_calibration
 
     kept = [(probability, truth) for probability, truth in looks if probability.keys() & truth.keys()]
@@ -79,8 +83,11 @@ def fit(looks: Sequence[tuple[Mapping[Atom, float], Mapping[Atom, bool]]], netwo
         false_alarms = _rate([value >= 0.5 for value, true in pairs if not true], Reading().false_alarms)
         if misses + false_alarms >= 0.99:  # the answers say nothing, or the opposite
             misses = false_alarms = 0.495
-        base = (correction.true + 1) / (correction.true + correction.false + 2)
-        bias = correction.bias - math.log(base / (1 - base))
+        # How often atoms were true is in the correction, and no part of what an answer is worth. A predicate that has
+        # few of either kind leans on all of them there, and so it does here.
+        rarer = min(correction.true, correction.false)
+        own, shared = _log_odds(correction), _log_odds(scaling.shared)
+        bias = correction.bias - (rarer * own + LEANING * shared) / (rarer + LEANING)
         readings[predicate] = Reading(false_alarms, misses, correction.slope, bias)
     eye = Eye(readings)
     monitor = FusedMonitor(network, eye, actions=None)
@@ -89,6 +96,11 @@ def fit(looks: Sequence[tuple[Mapping[Atom, float], Mapping[Atom, bool]]], netwo
         for probability, truth in for_thresholds
     ]
     return Trust(eye, Conformal.of(judged), len(kept))
+
+
+def _log_odds(labels: Scaling) -> float:
+    """Of an atom's being true, among these labels."""
+    return math.log((labels.true + 1) / (labels.false + 1))
 
 
 def _rate(wrong: Sequence[bool], assumed: float) -> float:

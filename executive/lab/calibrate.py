@@ -1,0 +1,74 @@
+"""From evaluations of an eye to the file that says how far it can be trusted (`executive.trust`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from executive.domain import load_domain
+from executive.errors import InputError
+from executive.lab import evaluation_store
+from executive.monitor.conformal import Conformal
+from executive.monitor.groups import Network
+from executive.mutex import find_mutexes
+from executive.trust import Trust, fit, save
+from executive.types import Atom
+
+ALPHAS = (0.2, 0.1, 0.05, 0.01)
+"""The error rates that the summary shows."""
+
+
+def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | None = None) -> tuple[Path, Trust]:
+    """Learn from the looks of some evaluations of one eye, write the file into `out` (a model's folder, or a file), and
+    say where it is.
+
+    Raises:
+        DomainError: the domain has a mistake.
+        InputError: a folder holds no evaluation, or one of other atoms or another model; or `out` cannot be written.
+        MissingError: Fast Downward's translator is not installed.
+    """
+    loaded = load_domain(domain, problem)
+    looks: list[tuple[Mapping[Atom, float], Mapping[Atom, bool]]] = []
+    models: set[str] = set()
+    for folder in folders:
+        evaluation = evaluation_store.load(folder)
+        answers = evaluation.answers
+        if odd := set(answers.atoms) ^ set(loaded.task.atoms):
+            raise InputError(f"is about other atoms than {loaded.task.problem!r} ({min(odd)})", file=folder)
+        models.add(str(evaluation.about.get("model")))
+        if len(models) > 1:
+            raise InputError(f"is of another model than those before it ({', '.join(sorted(models))})", file=folder)
+        for probability, truth in zip(answers.probability, answers.truth, strict=True):
+            answered = {
+                atom: float(value)
+                for atom, value in zip(answers.atoms, probability, strict=True)
+                if not np.isnan(value)
+            }
+            looks.append((answered, dict(zip(answers.atoms, map(bool, truth), strict=True))))
+    network = Network(loaded.task.atoms, find_mutexes(loaded.parsed).groups)
+    trust = fit(looks, network)
+    return save(out, loaded.name, trust), trust
+
+
+def summary(trust: Trust) -> str:
+    """What was learned, as a table: how often answers are wrong, and between which probabilities nothing is told at an
+    error rate."""
+    head = f"{'predicate':<24}{'misses':>8}{'false alarms':>14}" + "".join(f"{f'alpha {a:g}':>16}" for a in ALPHAS)
+    rows = [
+        f"{name:<24}{reading.misses:>8.3f}{reading.false_alarms:>14.3f}"
+        + "".join(f"{_band(trust.conformal, name, alpha):>16}" for alpha in ALPHAS)
+        for name, reading in trust.eye.readings.items()
+    ]
+    return "\n".join(
+        [f"learned from {trust.looks} looks; unknown is what lies between, at each error rate", head, *rows]
+    )
+
+
+def _band(conformal: Conformal, predicate: str, alpha: float) -> str:
+    try:
+        pair = Conformal({predicate: conformal.scores[predicate]}).thresholds(alpha)[predicate]
+    except (KeyError, ValueError):
+        return "too few looks"
+    return "nothing" if pair.low == pair.high else f"{pair.low:.3f} .. {min(pair.high, 1.0):.3f}"

@@ -1,0 +1,77 @@
+"""From evaluations to a file of trust, on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executive.cli import BAD_INPUT, exit_code
+from executive.domain import load_domain
+from executive.lab import evaluation_store
+from executive.lab.evaluate import Evaluation
+from executive.lab.metrics import Answers
+from executive.trust import FILE, load
+from executive.types import Atom
+from tests.executive.sim.stage import ROOT
+
+TRAY = ROOT / "tests" / "domains" / "tray"
+ATOMS = load_domain(TRAY).task.atoms
+
+
+def evaluation(folder: Path, looks: int, seed: int, model: str = "eye", atoms: tuple[Atom, ...] = ATOMS) -> Path:
+    """An evaluation on disk, of an eye that is wrong now and then and sometimes does not answer."""
+    rng = np.random.default_rng(seed)
+    truth = rng.random((looks, len(atoms))) < 0.3
+    probability = np.clip(np.where(truth, 0.85, 0.1) + rng.normal(0.0, 0.15, truth.shape), 0.0, 1.0)
+    probability[rng.random(truth.shape) < 0.02] = np.nan
+    folder.mkdir(parents=True)
+    made = Evaluation(
+        "eye",
+        {"model": model},
+        Answers(atoms, probability, truth),
+        tuple((0, step) for step in range(looks)),
+        np.zeros(looks, dtype=np.bool_),
+        np.ones(looks),
+    )
+    evaluation_store.save(folder, made)
+    return folder
+
+
+def test_evaluations_make_the_file_that_runs_find_beside_the_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "model"
+    model.mkdir()
+    first, second = evaluation(tmp_path / "a", 60, 1), evaluation(tmp_path / "b", 70, 2)
+    assert exit_code(["calibrate", str(TRAY), str(first), str(second), "--out", str(model)]) == 0
+    printed = capsys.readouterr().out
+    assert "learned from 130 looks" in printed
+    assert "too few looks" in printed  # for an error rate of 0.01
+    assert f"written to {model / FILE}" in printed
+    trust = load(model, "tray")
+    assert trust.looks == 130
+    assert set(trust.eye.readings) == set(trust.conformal.scores) == {"resting-on", "holding", "hand-free"}
+    for scores in trust.conformal.scores.values():
+        assert len(scores) == 65
+
+
+def test_what_is_no_evaluation_of_this_eye_and_task_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = evaluation(tmp_path / "a", 6, 1)
+    other = evaluation(tmp_path / "b", 6, 2, model="another")
+    few = evaluation(tmp_path / "c", 6, 3, atoms=ATOMS[:-1])
+    (tmp_path / "empty").mkdir()
+    for folder, words in (
+        (other, "is of another model"),
+        (few, "is about other atoms"),
+        (tmp_path / "empty", "no eval"),
+    ):
+        command = ["calibrate", str(TRAY), str(first), str(folder), "--out", str(tmp_path / "trust.json")]
+        assert exit_code(command) == BAD_INPUT
+        error = capsys.readouterr().err
+        assert words in error
+        assert str(folder) in error
+    assert not (tmp_path / "trust.json").exists()
