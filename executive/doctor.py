@@ -27,9 +27,8 @@ from packaging.requirements import Requirement
 from executive import __version__, machine
 from executive.errors import InputError, MissingError
 
-MODELS = Path(__file__).parent / "models"
-"""Where the vision-language model that comes along lies."""
-
+_CHECKOUT = Path(__file__).resolve().parent.parent
+"""Of the repository, if this is not an installed wheel."""
 _PATIENCE = 90.0
 """Wall seconds that a trial may take; software drivers on a busy machine are slow."""
 _ROOM, _LEAST_ROOM = 1e9, 1e8
@@ -97,9 +96,8 @@ def _line(text: str) -> str:
 
 
 def _reinstall() -> str:
-    checkout = MODELS.parent.parent
-    if (checkout / "scripts" / "setup").is_file():
-        return f"cd {shlex.quote(str(checkout))} && make setup"
+    if (_CHECKOUT / "scripts" / "setup").is_file():
+        return f"cd {shlex.quote(str(_CHECKOUT))} && make setup"
     return f"{sys.executable} -m pip install --force-reinstall EXECUTIVE.whl"
 
 
@@ -217,10 +215,11 @@ def display() -> Finding:
 
 
 def model() -> Finding:
-    """The vision-language model that comes along."""
+    """The vision-language models that come along."""
+    from executive import eye
     from executive.s3e.checkpoint import CONFIG, inspect
 
-    configs = sorted(MODELS.rglob(CONFIG)) if MODELS.is_dir() else []
+    configs = sorted(eye.SHIPPED.rglob(CONFIG)) if eye.SHIPPED.is_dir() else []
     if not configs:
         own = "executive run DOMAIN --estimator vlm --vlm FOLDER"
         return Finding("model", State.LIMITED, "none comes along: --estimator vlm needs one of yours", own)

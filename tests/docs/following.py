@@ -6,7 +6,7 @@ read, unless a comment right above one, which readers of the rendered page do no
 
     <!-- file PATH -->      the block is a new file; the text above it has to say so
     <!-- append PATH -->    the block goes to the end of a file; likewise
-    <!-- exit N -->         its last command ends with this exit code
+    <!-- exit N -->         its last command ends with this exit code, or `N or M`
     <!-- not run: WHY -->   nobody types this here
 """
 
@@ -23,7 +23,7 @@ import subprocess
 import sys
 import termios
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,8 +61,10 @@ def blocks(document: Path) -> Iterator[Block]:
 class Follower:
     """Follows documents in `folder`; what they change is kept from one block to the next."""
 
-    def __init__(self, folder: Path, environment: Mapping[str, str] | None = None) -> None:
+    def __init__(self, folder: Path, instead: Mapping[str, str] | None = None) -> None:
+        """`instead` maps what is written in the document to what is typed in its place."""
         self.folder = self.here = folder
+        self._instead = dict(instead or {})
         self.printed = ""
         scripts = str(Path(sys.executable).parent)
         self._environment = {
@@ -72,7 +74,7 @@ class Follower:
             "PATH": os.pathsep.join([scripts, os.environ["PATH"]]),
             "HOME": str(folder),
             "TERM": "xterm-256color",
-            **(environment or {}),
+            "OMP_NUM_THREADS": "1",  # a tiny model is quicker on one thread than on several that wait for each other
         }
 
     def follow(self, block: Block) -> None:
@@ -81,7 +83,7 @@ class Follower:
             case "file" | "append", _:
                 self._write(block, rest, "x" if what == "file" else "a")
             case "exit", "sh":
-                self.type(block.text, code=int(rest))
+                self.type(block.text, {int(code) for code in rest.split(" or ")})
             case "", "sh":
                 self.type(block.text)
             case "", "text":
@@ -91,14 +93,16 @@ class Follower:
             case _:
                 assert not block.note, f"{block}: {block.note!r} is no note for {block.language!r}"
 
-    def type(self, script: str, code: int = 0, patience: float = 240.0) -> str:
-        """Type some lines into a shell in a terminal, and return what is printed."""
+    def type(self, script: str, codes: Collection[int] = (0,), patience: float = 240.0) -> str:
+        """Type some lines into a shell in a terminal, and return what is printed; they end with one of `codes`."""
+        for written, typed in self._instead.items():
+            script = script.replace(written, typed)
         here = self.folder / ".here"
         trap = f"trap 'pwd > {shlex.quote(str(here))}' EXIT"
         full = f"set -eu\ncd {shlex.quote(str(self.here))}\n{trap}\n{script}"
         returned, printed = in_terminal(["sh", "-c", full], self._environment, patience)
         self.printed = _SEQUENCE.sub("", printed.rpartition(_CURSOR_BACK)[2])
-        assert returned == code, f"{script}ends with {returned}:\n{self.printed}"
+        assert returned in codes, f"{script}ends with {returned}:\n{self.printed}"
         self.here = Path(here.read_text().strip())
         return self.printed
 

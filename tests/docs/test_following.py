@@ -40,6 +40,7 @@ def test_what_is_right_is_followed(tmp_path: Path) -> None:
         "```sh\nfalse\n```\n",
         "```sh\nfalse\ntrue\n```\n",
         "<!-- exit 3 -->\n```sh\ntrue\n```\n",
+        "<!-- exit 0 or 1 -->\n```sh\nexit 2\n```\n",
         "```sh\necho one; echo two\n```\n```text\ntwo\none\n```\n",
         "```sh\necho one two\n```\n```text\none\n```\n",
         "```text\nnothing was printed\n```\n",

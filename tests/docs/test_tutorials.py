@@ -1,28 +1,67 @@
-"""The tutorials, followed word for word from an empty folder."""
+"""The pages of docs/, followed word for word: each in a folder of its own, which has what the page says that it has."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image as Picture
 
 from tests.docs.following import ROOT, Follower, blocks
+from tests.executive.s3e.chat_server import serving
+from tests.executive.s3e.checkpoints import build
+from tests.executive.s3e.on_server import honest
 
-DOCUMENT = ROOT / "docs" / "tutorial-domain.md"
+DOCS = ROOT / "docs"
 
 
-@pytest.mark.timeout(600)
-def test_a_domain_of_ones_own(tmp_path: Path) -> None:
-    clone = tmp_path / "clone"
-    clone.mkdir()
-    (clone / ".venv").symlink_to(sys.prefix)
-    reader = Follower(tmp_path)
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """A folder that has of a clone what the pages use of it."""
+    folder = tmp_path / "clone"
+    folder.mkdir()
+    (folder / ".venv").symlink_to(sys.prefix)
+    (folder / "examples").symlink_to(ROOT / "examples")
+    return folder
+
+
+@pytest.fixture
+def server() -> Iterator[str]:
+    """The address of an OpenAI-compatible server."""
+    with serving(honest) as there:
+        yield there.url
+
+
+def follow(page: str, clone: Path, **instead: str) -> Follower:
+    reader = Follower(clone.parent, instead)
     reader.here = clone
-    for block in blocks(DOCUMENT):
+    for block in blocks(DOCS / page):
         reader.follow(block)
-    robots = tmp_path / "robots"
-    assert reader.here == robots
+    return reader
+
+
+@pytest.mark.timeout(1200)
+def test_a_domain_of_ones_own(clone: Path) -> None:
+    robots = follow("tutorial-domain.md", clone).here
+    assert robots == clone.parent / "robots"
     assert (robots / "first.png").stat().st_size > 10_000
     assert (robots / "data" / "README.md").is_file()
     assert len(list((robots / "runs").iterdir())) == 5
+
+
+@pytest.mark.timeout(1200)
+def test_a_model_of_ones_own(clone: Path, server: str) -> None:
+    build("fastvlm", clone / "my-model", answering=8.0)
+    for name, seed in (("front.png", 0), ("hand.png", 1)):
+        pixels = np.random.default_rng(seed).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+        Picture.fromarray(pixels).save(clone / name)
+    follow("own-model.md", clone, **{"http://127.0.0.1:8000/v1": server})
+    assert (clone / "runs" / "by-sight" / "summary.json").is_file()
+    assert list((clone / "report").iterdir())
+
+
+def test_a_world_of_ones_own(clone: Path) -> None:
+    follow("own-world.md", clone)

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from packaging.requirements import Requirement
 
-from executive import cli, doctor, machine
+from executive import cli, doctor, eye, machine
 from executive.doctor import Finding, State
 from executive.errors import MissingError
 from executive.planning import FastDownwardPlanner
@@ -220,12 +220,12 @@ def test_a_display_is_found_by_the_environment(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_model_that_is_not_there_or_not_whole_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "MODELS", tmp_path / "models")
+    monkeypatch.setattr(eye, "SHIPPED", tmp_path / "models")
     assert doctor.model().state is State.LIMITED
-    eye = tmp_path / "models" / "eye"
-    eye.mkdir(parents=True)
-    (eye / "config.json").write_text('{"model_type": "fast_vlm"}')
-    (eye / "model.safetensors").write_text("version https://git-lfs.github.com/spec/v1\n")
+    folder = tmp_path / "models" / "grocery-eye"
+    folder.mkdir(parents=True)
+    (folder / "config.json").write_text('{"model_type": "fast_vlm"}')
+    (folder / "model.safetensors").write_text("version https://git-lfs.github.com/spec/v1\n")
     finding = doctor.model()
     assert finding.state is State.LIMITED
     assert "model.safetensors" in finding.found
