@@ -154,7 +154,7 @@ class Run:
             domain=self.domain.name,
             run=self.folder.name,
             monitor=self.monitor,
-            attention=_attention(self.domain, self.world),
+            attention=load_attention(self.domain, self.world),
             moves=load_moves(self.domain),
         )
 
@@ -177,7 +177,7 @@ def load_moves(domain: Domain) -> Mapping[str, Skill]:
     return {name: points[name].load() for name in domain.looking.moves}
 
 
-def _attention(domain: Domain, world: MujocoWorld) -> Attention:
+def load_attention(domain: Domain, world: MujocoWorld) -> Attention:
     """Where to look for what.
 
     Raises:

@@ -136,6 +136,12 @@ class Course:
         certain = self.judgement.least_certain(self.task.atoms)
         return tuple(sorted(certain, key=lambda atom: atom in self.seen))[:most]
 
+    def unsure(self, least: float) -> tuple[Atom, ...]:
+        """The atoms of the goal that are as it has them with a probability of less than `least`."""
+        probability = self.judgement.probability if self.judgement else {}
+        as_wanted = {atom: probability.get(atom, 0.5) for atom in self.goal}
+        return tuple(atom for atom, p in as_wanted.items() if (p if self.goal[atom] else 1.0 - p) < least)
+
     def grounded(self, decision: Decision) -> Decision:
         """The decision with what is believed now of the atoms that spoke for it, and with what the skill said."""
         probability = self.judgement.probability if self.judgement else {}

@@ -80,9 +80,12 @@ class Looker:
         """Look at everything."""
         return self._look(course, cause, {(): course.task.atoms}, LookKind.FULL)
 
-    def again(self, course: Course, cause: str, atoms: Sequence[Atom]) -> Course:
+    def again(self, course: Course, cause: str, atoms: Sequence[Atom], surprised: bool = False) -> Course:
         """Look once more at the same moment, at what is in doubt alone: through the cameras that show it best, then
-        each time with the arm further out of the way, as far as it gets."""
+        each time with the arm further out of the way, as far as it gets. What took it by surprise may have come to
+        anything: then all that there is has to have been asked about first."""
+        if surprised and not course.asked_all:
+            return self.look_at_all(course, cause)
         if course.moment.looks > 1 and self._clear(atoms, course.moment.looks - 2):
             return self._look(course, cause, {(): atoms}, LookKind.MOVED)
         groups = self._attention.groups(atoms)

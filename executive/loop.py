@@ -17,8 +17,7 @@ from executive.compare import compare
 from executive.course import Course
 from executive.errors import InputError
 from executive.looking import Looker
-from executive.monitor.plain import PlainMonitor
-from executive.monitor.seam import Monitor
+from executive.monitor import Monitor, PlainMonitor
 from executive.policy import Settings
 from executive.protocols import Estimator, FaultSource, Planner, Sink, Skill, World
 from executive.session import Session
@@ -31,11 +30,9 @@ from executive.types import (
     Ended,
     Facts,
     NoPlan,
-    NoPlanReason,
     Plan,
     Revised,
     SkillResult,
-    SkillStatus,
     Started,
     Step,
     Task,
@@ -53,9 +50,9 @@ class Executive:
             it claims the goal because it believes it, with `goal_seen` false because nobody looked.
         sinks: see every event. One that raises is dropped with a warning, and nothing else changes.
         initial: what a blind executive is told; one that looks has to see it for itself.
-        domain, run: names for the trace.
         monitor: what is made of the looks; without one, each answer is taken at its word.
         attention, moves: where to look for what, and skills that clear the view, by name, the mildest first.
+        domain, run: names for the trace.
 
     Raises:
         InputError: neither an estimator nor initial facts.
@@ -98,15 +95,12 @@ class Executive:
         """
         decision, error = self._session.guard(self._live)
         ended = self.course.ended(decision)
-        self._session.close(ended)
-        if error is not None:
-            raise error
+        self._session.close(ended, error)
         return ended
 
     def _live(self) -> Decision:
-        eye, settings = self.estimator.name if self.estimator else "none", asdict(self.settings)
-        started = Started(self.name, self.domain, self.course.task, eye, self.settings.seed, settings)
-        self._session.open(started, self.estimator)
+        eye, task, settings = self.estimator.name if self.estimator else "none", self.course.task, self.settings
+        self._session.open(Started(self.name, self.domain, task, eye, settings.seed, asdict(settings)), self.estimator)
         decision = self._first_look()
         while decision.kind is not DecisionKind.STOP:
             self._session.heed()
@@ -127,15 +121,15 @@ class Executive:
             return Decision(DecisionKind.CONTINUE, "told what holds")
         self.course = self._looker.look_at_all(self.course, "first look")
         while True:
-            course = self.course
-            decision = policy.first(course.task.atoms, course.known, course.moment.looks, self.settings)
-            if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
+            atoms, looks = self.course.task.atoms, self.course.moment.looks
+            decision = self._decide(policy.first(atoms, self.course.known, looks, self.settings))
+            if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision
-            self.course = self._looker.again(course, "first look", decision.evidence)
+            self.course = self._looker.again(self.course, "first look", decision.evidence)
 
     def _make_plan(self) -> Decision:
         """2 and 5. Plan from what is believed."""
-        answers: Counter[NoPlanReason] = Counter()
+        answers = Counter[str]()
         while isinstance(plan := self._ask(self.course.goal), NoPlan):
             self._emit(plan)
             answers[plan.reason] += 1
@@ -157,11 +151,10 @@ class Executive:
             return decision
         self.course = self.course.dispatched()
         order = Dispatched(step, self.course.actions, self.course.attempt, self.course.todo[0])
-        result = self._session.dispatch(
-            order, self.skills, self.faults, self._looker.guard(step) if self.estimator else None
-        )
-        if result.status is SkillStatus.CRASHED:
-            return self._decide(policy.crashed(result))
+        guard = self._looker.guard(step) if self.estimator else None
+        result = self._session.dispatch(order, self.skills, self.faults, guard)
+        if crash := policy.crashed(result):
+            return self._decide(crash)
         return self._judge(result) if self.estimator else self._assume(result)
 
     def _check(self, step: Step) -> Decision | None:
@@ -171,8 +164,7 @@ class Executive:
             known = self.course.known
             verdict = self._compare("preconditions", step.preconditions, known)
             failures = self.course.failed_before(step, known) + 1
-            decision = policy.before(step, verdict, waits, failures, self.settings)
-            if decision is None:
+            if (decision := policy.before(step, verdict, waits, failures, self.settings)) is None:
                 return None
             if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
                 self.course = self.course.failed(step, known, decision)
@@ -189,10 +181,7 @@ class Executive:
             decision = self._decide(policy.after(turn, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 break
-            if turn.doubts or self.course.asked_all:
-                self.course = self._looker.again(self.course, cause, decision.evidence)
-            else:  # what did not come out may have come to anything
-                self.course = self._looker.look_at_all(self.course, cause)
+            self.course = self._looker.again(self.course, cause, decision.evidence, surprised=not turn.doubts)
         self.course = self.course.judged(turn, decision)
         if turn.verdict.violated:
             self._emit(Revised(self.course.known, self.course.known.only(turn.verdict.violated)))
@@ -208,20 +197,19 @@ class Executive:
         """6. Done means that the goal is seen to hold, in a full look."""
         if self.estimator is None:
             return self._decide(policy.finish_blind(self.course.goal))
+        cause, checks = "is the goal reached?", 1
         if not self.course.asked_all:
-            self.course = self._looker.look_at_all(self.course, "is the goal reached?")
-        checks = 1
+            self.course = self._looker.look_at_all(self.course, cause)
         while True:
-            self.course, plan = self.course.whole_goal_seen(), None
-            course = self.course
+            self.course = course = self.course.whole_goal_seen()
             verdict = self._compare("goal", course.goal, course.seen)
-            if verdict.satisfied and course.given_up:
-                plan = self._probe(course.task.goal)  # what was given up may have come within reach since
-            given_up = course.given_up, course.given_up_why, plan
-            decision = self._decide(policy.finish(course.goal, verdict, checks, *given_up, self.settings))
+            # What was given up may have come within reach since.
+            plan = self._probe(course.task.goal) if verdict.satisfied and course.given_up else None
+            unsure, given_up = course.unsure(self.settings.sure), (course.given_up, course.given_up_why, plan)
+            decision = self._decide(policy.finish(course.goal, verdict, unsure, checks, *given_up, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision if plan is None else self._take_up(plan, course.task.goal)
-            self.course, checks = self._looker.again(course, "is the goal reached?", decision.evidence), checks + 1
+            self.course, checks = self._looker.again(course, cause, decision.evidence), checks + 1
 
     def _give_up(self, cause: Decision) -> Decision:
         """Leave out of the goal what cannot be reached, and go for the rest."""

@@ -52,10 +52,14 @@ class Settings:
     guard_looks: int = 2
     """How often it is looked after what is carried, in each transfer; more often only to confirm that it is gone."""
     precondition_wait: int = 2
+    sure: float = 0.999
+    """A literal of the goal that is less probable than this is looked at once more before the goal is claimed."""
     max_goal_plans: int = 64
     """How often the planner may be asked to find out which part of the goal can be reached."""
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.sure <= 1.0:
+            raise ValueError(f"sure must be a probability, got {self.sure}")
         for name in self.__dataclass_fields__:
             least = 1 if name == "max_questions" else 0
             if getattr(self, name) < least:
@@ -156,8 +160,10 @@ def assumed(result: SkillResult) -> Decision:
     return Decision(DecisionKind.CONTINUE, f"{said}; nobody looks, its effects are assumed", tuple(result.step.effects))
 
 
-def crashed(result: SkillResult) -> Decision:
+def crashed(result: SkillResult) -> Decision | None:
     """A skill that raises is a bug, not a failure of the task."""
+    if result.status is not SkillStatus.CRASHED:
+        return None
     return _stop(OutcomeKind.CRASHED, f"the skill for {result.step} crashed: {result.reason}")
 
 
@@ -197,10 +203,22 @@ def given_up(cause: Decision, goal: Facts, kept: Facts, is_stuck: bool) -> Decis
 
 
 def finish(
-    goal: Facts, verdict: Verdict, checks: int, dropped: Facts, why: str, plan: Plan | None, settings: Settings
+    goal: Facts,
+    verdict: Verdict,
+    unsure: Collection[Atom],
+    checks: int,
+    dropped: Facts,
+    why: str,
+    plan: Plan | None,
+    settings: Settings,
 ) -> Decision:
     """Nothing is left to do: `verdict` holds the goal against what is seen now, for only seeing it is success, and is
-    the `checks`-th one in a row. `dropped` was given up, and `why`; `plan` reaches the whole goal after all."""
+    the `checks`-th one in a row. `unsure` are its atoms that are less probable than `Settings.sure`. `dropped` was
+    given up, and `why`; `plan` reaches the whole goal after all."""
+    once_more = checks <= min(1, settings.max_looks_again)
+    if verdict.satisfied and unsure and once_more:
+        reason = f"the goal is seen to hold, but {_listed(sorted(unsure))} could be surer"
+        return Decision(DecisionKind.LOOK_AGAIN, reason, tuple(sorted(unsure)))
     if verdict.satisfied and not dropped:
         return _stop(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", tuple(goal))
     if verdict.satisfied and plan is None:
@@ -215,7 +233,7 @@ def finish(
         f"cannot tell {_listed(unknown)}" if unknown else "",
     )
     # One more look is enough to believe what is seen; what cannot be told is worth all of them.
-    if checks <= (settings.max_looks_again if unknown else min(1, settings.max_looks_again)):
+    if once_more or (unknown and checks <= settings.max_looks_again):
         return Decision(DecisionKind.LOOK_AGAIN, f"nothing is left to do, but {missing}", wrong + unknown)
     if wrong:
         return Decision(DecisionKind.REPLAN, f"nothing is left to do, but {missing}", wrong)

@@ -177,12 +177,14 @@ class Session:
         chance = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
         return SkillContext(self._world.handle, chance, announce, lambda: self._cancelled, lost)
 
-    def close(self, last: Payload) -> None:
-        """Deliver the last event, stamped with the time of the one before it, and close all sinks."""
+    def close(self, last: Payload, error: BaseException | None = None) -> None:
+        """Deliver the last event, stamped with the time of the one before it, close all sinks, and raise `error`."""
         self._guarded(self._world, self._world.watch, None)
         self._deliver(last)
         for sink in self._sinks:
             self._guarded(sink, sink.close)
+        if error is not None:
+            raise error
 
     def _deliver(self, payload: Payload) -> None:
         start = time.monotonic()

@@ -36,6 +36,7 @@ from executive.types import (
     Phase,
     Plan,
     Scenery,
+    Sense,
     SkillResult,
     SkillStatus,
     Step,
@@ -44,6 +45,8 @@ from executive.types import (
 
 FREE = Atom("free")
 _T = TypeVar("_T")
+WATCHED = Attention(carried={"pick": ("held", (0,)), "place": ("held", (0,))})
+"""What is carried is watched."""
 FLOOR = "floor"
 """Where a thing can be, but out of the hand's reach and of every atom."""
 
@@ -223,11 +226,13 @@ class FakeSkill:
         "hang"                            goes on until it is cancelled
         "raise", "interrupt", "nonsense"  raises RuntimeError or KeyboardInterrupt, returns no result
     An entry may be a callable instead, which is called with the world before the skill goes about its usual work.
+    `numb` is a hand that does not feel when what it carries is gone.
     """
 
     def __init__(self, script: Mapping[int, str | Callable[[FakeWorld], None]] | None = None, *, patience: int = 10**6):
         self.script, self.count, self._patience = dict(script or {}), 0, patience
         self.chance: list[float] = []
+        self.numb = False
 
     def __call__(self, step: Step, context: SkillContext) -> SkillResult:
         self.count += 1
@@ -275,25 +280,33 @@ class FakeSkill:
         elif world.held != thing:
             return self._end(step, SkillStatus.NOT_THERE, world, start, f"{thing} is not in the hand")
         if not self._phase("transfer", 3.0, context, world, carried=thing):
-            status = SkillStatus.CANCELLED if context.cancelled() else SkillStatus.DROPPED
-            return self._end(step, status, world, start, planned=world.now - start + 2.0)
+            return self._lose(step, context, world, start)
         if step.action == "place":
             if not self._phase("lower", 1.0, context, world, carried=thing):
-                return self._end(step, SkillStatus.CANCELLED, world, start)
-            world.where[thing] = place
+                return self._lose(step, context, world, start)
+            if world.held == thing:
+                world.where[thing] = place
             self._phase("release", 0.5, context, world)
         return self._end(step, SkillStatus.DONE, world, start)
+
+    def _lose(self, step: Step, context: SkillContext, world: FakeWorld, start: float) -> SkillResult:
+        if context.cancelled():
+            return self._end(step, SkillStatus.CANCELLED, world, start)
+        felt = not self.numb and world.held != step.args[0]
+        why, sense = ("the hand is empty", Sense.FELT) if felt else (context.lost(), Sense.SEEN)
+        seconds = world.now - start
+        return SkillResult(step, SkillStatus.DROPPED, why, seconds, seconds + 2.0, sense)
 
     def _phase(
         self, name: str, seconds: float, context: SkillContext, world: FakeWorld, carried: str | None = None
     ) -> bool:
-        """Whether the phase came to its end: not cancelled, and what is carried, if anything, still in the hand."""
+        """Whether the phase came to its end: not cancelled, and what is carried, if anything, not known to be lost."""
         context.announce(Phase(name, seconds=seconds))
         for _ in range(10):
             if context.cancelled():
                 return False
             world.advance(seconds / 10)
-            if carried is not None and world.held != carried:
+            if carried is not None and ((not self.numb and world.held != carried) or context.lost()):
                 return False
         return True
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import pytest
 from hypothesis import example, given
@@ -268,8 +269,8 @@ GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
 
 
 def test_success_is_a_goal_that_is_seen() -> None:
-    def finish(verdict: Verdict, checks: int = 1) -> Decision:
-        return policy.finish(GOAL, verdict, checks, Facts(), "", None, SETTINGS)
+    def finish(verdict: Verdict, checks: int = 1, unsure: tuple[Atom, ...] = ()) -> Decision:
+        return policy.finish(GOAL, verdict, unsure, checks, Facts(), "", None, SETTINGS)
 
     one, other = sorted(GOAL)
     assert finish(Verdict(frozenset(GOAL))).outcome is OutcomeKind.GOAL_REACHED
@@ -289,10 +290,10 @@ def test_success_is_a_goal_that_is_seen() -> None:
 def test_what_was_given_up_is_tried_again_or_named() -> None:
     verdict = Verdict(frozenset({at("a", "q")}))
     kept, dropped = GOAL.only([at("a", "q")]), GOAL.only([at("b", "r")])
-    partial = policy.finish(kept, verdict, 1, dropped, "b is out of reach", None, SETTINGS)
+    partial = policy.finish(kept, verdict, (), 1, dropped, "b is out of reach", None, SETTINGS)
     assert partial.outcome is OutcomeKind.PARTIAL
     assert partial.reason.endswith("at(b,r) was given up: b is out of reach")
-    again = policy.finish(kept, verdict, 1, dropped, "", Plan((), 0.0, "", 0.0), SETTINGS)
+    again = policy.finish(kept, verdict, (), 1, dropped, "", Plan((), 0.0, "", 0.0), SETTINGS)
     assert again.kind is DecisionKind.REPLAN
 
 
@@ -364,7 +365,9 @@ def test_each_budget_ends_the_run_by_its_name() -> None:
         assert stop.reason == f"the budget of {name} is used up"
 
 
-@pytest.mark.parametrize("wrong", [{"seed": -1}, {"max_retries": -1}, {"max_questions": 0}, {"guard_looks": -1}])
-def test_settings_refuse_nonsense(wrong: dict[str, int]) -> None:
+@pytest.mark.parametrize(
+    "wrong", [{"seed": -1}, {"max_retries": -1}, {"max_questions": 0}, {"guard_looks": -1}, {"sure": 1.5}]
+)
+def test_settings_refuse_nonsense(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Settings(**wrong)
