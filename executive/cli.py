@@ -455,6 +455,8 @@ def inspect(
     as_json: Annotated[bool, typer.Option("--json", help="Print what is shown where as JSON.")] = False,
 ) -> None:
     """Show a run in the Rerun viewer."""
+    from executive.trace.console import waiting
+    from executive.trace.rebuild import ensure_trace
     from executive.trace.screenshot import screenshot
     from executive.trace.viewer_process import inspect as open_viewer
 
@@ -468,11 +470,13 @@ def inspect(
         document = {"run": str(folder), "address": address}
         print(json.dumps(document) if as_json else f"{address}   (Ctrl-C ends it)", flush=True)
 
+    if png is not None and not png.resolve().parent.is_dir():
+        raise InputError("there is no such folder", file="--png", key=str(png.parent))
+    with waiting(sys.stderr, "reading the events"):
+        ensure_trace(folder)
     if png is None:
         open_viewer(folder, web, tell)
         return
-    if not png.resolve().parent.is_dir():
-        raise InputError("there is no such folder", file="--png", key=str(png.parent))
     complaints = screenshot(folder, png, at_cycle=at)
     for complaint in complaints:
         print(f"warning: {complaint}", file=sys.stderr)
