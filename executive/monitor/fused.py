@@ -48,12 +48,13 @@ class Hypothesis(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """What is believed of this moment but for its looks, their evidence atom by atom, and the last known values before
-    these looks and with them. The first hypothesis is that the last action's effects came about, if there are more than
-    one."""
+    """What is believed of this moment but for its looks, their evidence atom by atom, what each atom's probability is
+    with it (None before the first look), and the last known values before these looks and with them. The first
+    hypothesis is that the last action's effects came about, if there are more than one."""
 
     hypotheses: tuple[Hypothesis, ...]
     evidence: Mapping[Atom, tuple[float, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    marginal: Mapping[Atom, float] | None = None
     before: Last = field(default_factory=Last)
     now: Last = field(default_factory=Last)
 
@@ -101,7 +102,7 @@ class FusedMonitor:
     def acted(self, memory: Track, step: Step | None, result: SkillResult | None = None) -> Track:
         if self.actions is None:
             return replace(self.begin(), before=memory.now, now=memory.now)
-        marginal, unrest = self._posterior(memory).marginal, self.actions.unrest
+        marginal, unrest = memory.marginal or self._posterior(memory).marginal, self.actions.unrest
         still = self._mixed(marginal, unrest)
         if step is None:
             outcomes = [(1.0, still)]
@@ -136,7 +137,7 @@ class FusedMonitor:
             remembered=now.remembered(seen, cycle, marginal),
             came_about=posterior.chances[0] if len(posterior.chances) > 1 else None,
         )
-        return replace(memory, now=now), judgement
+        return replace(memory, marginal=marginal, now=now), judgement
 
     def _hypothesis(self, chance: float, marginal: Mapping[Atom, float]) -> Hypothesis:
         """The distribution over states that probabilities of atoms stand for. A group contributes that of its atom, or
