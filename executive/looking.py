@@ -151,6 +151,10 @@ class Looker:
         atoms_there_are = len(course.task.atoms)
         whole = kind is LookKind.FOCUSED and sum(map(len, close.values())) == atoms_there_are
         looked = self._tell(observation, raw, LookKind.FULL if whole else kind, good, atoms_there_are)
+        return self._weighed(course, raw, looked)
+
+    def _weighed(self, course: Course, raw: Belief, looked: Looked) -> Course:
+        """What the monitor makes of a look."""
         memory, judgement = self._monitor.looked(course.memory, raw, course.cycle)
         self._session.emit(_judged(judgement))
         return course.looked(memory, judgement, raw, looked)

@@ -31,6 +31,7 @@ from executive.types import (
     Facts,
     NoPlan,
     Plan,
+    Probed,
     Revised,
     SkillResult,
     Started,
@@ -78,11 +79,11 @@ class Executive:
         if estimator is None and initial is None:
             raise InputError("an executive that does not look (it has no estimator) must be told the initial facts")
         self.planner, self.world, self.skills, self.estimator = planner, world, skills, estimator
-        self.settings, self.faults, self.domain, self.name = settings or Settings(), faults, domain, run
+        self.settings, self.domain, self.name = settings or Settings(), domain, run
         monitor, attention = monitor or PlainMonitor(task.atoms), attention or Attention()
         told = Facts() if estimator or initial is None else initial
         self.course = Course(task, task.goal, told, monitor.begin())
-        self._session = Session(sinks, world, self.settings.seed, lambda: self.course.cycle)
+        self._session = Session(sinks, world, self.settings.seed, faults, lambda: self.course.cycle)
         self._emit, self.cancel = self._session.emit, self._session.cancel
         if estimator:
             self._looker = Looker(estimator, world, monitor, attention, moves or {}, self._session, self.settings)
@@ -152,7 +153,7 @@ class Executive:
         self.course = self.course.dispatched()
         order = Dispatched(step, self.course.actions, self.course.attempt, self.course.todo[0])
         guard = self._looker.guard(step) if self.estimator else None
-        result = self._session.dispatch(order, self.skills, self.faults, guard)
+        result = self._session.dispatch(order, self.skills, guard)
         if crash := policy.crashed(result):
             return self._decide(crash)
         return self._judge(result) if self.estimator else self._assume(result)
@@ -221,6 +222,7 @@ class Executive:
 
     def _take_up(self, plan: Plan, goal: Facts) -> Decision:
         if self.course.plan is not None and (stop := policy.exhausted(self.settings, replans=self.course.replans)):
+            self._emit(Probed(goal, plan))
             return self._decide(stop)
         self._emit(plan)
         self.course = self.course.planned(plan, goal)
@@ -235,6 +237,7 @@ class Executive:
         if self.course.state.entails(goal):
             return Plan((), 0.0, "", 0.0)
         plan = self._ask(goal)
+        self._emit(Probed(goal, None, plan) if isinstance(plan, NoPlan) else Probed(goal, plan))
         return None if isinstance(plan, NoPlan) or self.course.leads_nowhere(plan) else plan
 
     def _compare(self, what: str, expected: Facts, seen: Facts) -> Verdict:

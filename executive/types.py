@@ -202,6 +202,20 @@ class Task:
             raise ValueError(f"the goal names {sorted(map(str, unknown))}, which the task does not have")
 
 
+@dataclass(frozen=True, slots=True)
+class Probed:
+    """What the planner answered about `goal` where nothing comes of it: it was only asked whether that can be reached,
+    or the budget is used up. A plan, or why there is none."""
+
+    goal: Facts
+    plan: Plan | None
+    no_plan: NoPlan | None = None
+
+    def __post_init__(self) -> None:
+        if (self.plan is None) is (self.no_plan is None):
+            raise ValueError("a planner answers with a plan or with why there is none")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
     """What the robot's sensors say at one moment.
@@ -673,6 +687,7 @@ Payload: TypeAlias = (
     | Belief
     | Plan
     | NoPlan
+    | Probed
     | Dispatched
     | Phase
     | Motion

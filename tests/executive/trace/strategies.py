@@ -41,6 +41,7 @@ from executive.types import (
     Payload,
     Phase,
     Plan,
+    Probed,
     Questions,
     Remembered,
     Revised,
@@ -114,6 +115,8 @@ def verdicts(draw: st.DrawFn) -> Verdict:
     return Verdict(frozenset(parts[:2]), frozenset(parts[2:4]), frozenset(parts[4:]))
 
 
+plans = st.builds(Plan, st.lists(steps, max_size=3).map(tuple), seconds, texts, seconds)
+no_plans = st.builds(NoPlan, st.sampled_from(NoPlanReason), texts, texts, seconds)
 shares = st.floats(0, 1)
 maybe = st.none() | st.booleans()
 chances = st.dictionaries(atoms, shares, max_size=4)
@@ -143,8 +146,9 @@ RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
     ),
     Observation: observations(),
     Belief: beliefs(),
-    Plan: st.builds(Plan, st.lists(steps, max_size=3).map(tuple), seconds, texts, seconds),
-    NoPlan: st.builds(NoPlan, st.sampled_from(NoPlanReason), texts, texts, seconds),
+    Plan: plans,
+    NoPlan: no_plans,
+    Probed: st.builds(Probed, facts, plans) | st.builds(Probed, facts, st.none(), no_plans),
     Dispatched: st.builds(Dispatched, steps, counts, counts, counts),
     Phase: st.builds(Phase, texts, texts, seconds),
     Motion: motions(),
