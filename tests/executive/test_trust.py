@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from executive import monitoring
+from executive.cli import BAD_INPUT, exit_code
 from executive.domain import load_domain
 from executive.errors import DomainError, InputError
 from executive.eye import EyeConfig
@@ -270,3 +271,21 @@ def test_what_does_not_go_together_is_said_in_one_line(
 def test_a_monitors_configuration_refuses_nonsense(values: dict[str, object]) -> None:
     with pytest.raises(InputError):
         MonitorConfig(**values)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--alpha", "0.1"], "--alpha: is for an eye that errs"),
+        (["--alpha", "2"], "--alpha: an error rate between 0 and 1, not 2"),
+        (["--threshold", "-1"], "--threshold: a probability from 0 to 1, not -1"),
+        (["--threshold", "0.5", "--alpha", "0.1"], "--alpha: is one way to say how sure is sure enough"),
+    ],
+)
+def test_options_that_do_not_fit_are_one_line_and_leave_nothing_behind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], words: str
+) -> None:
+    assert exit_code(["run", "grocery", "--runs", str(tmp_path / "runs"), *options]) == BAD_INPUT
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert words in line
+    assert not (tmp_path / "runs").exists()
