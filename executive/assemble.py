@@ -19,7 +19,15 @@ from executive.attention import Attention
 from executive.domain import Domain, load_domain
 from executive.errors import DomainError, InputError, nearest
 from executive.eye import EyeConfig, open_eye, settled
-from executive.faults import Fault, FaultInjector, parse_fault
+from executive.faults import (
+    Fault,
+    FaultInjector,
+    faulty_estimator,
+    faulty_planner,
+    faulty_skills,
+    faulty_world,
+    parse_fault,
+)
 from executive.loop import Executive
 from executive.monitoring import MonitorConfig, open_monitor
 from executive.planning import FastDownwardPlanner
@@ -92,7 +100,7 @@ class Run:
     def __init__(self, config: RunConfig, sinks: Sequence[Sink] = ()) -> None:
         self.config = config
         self.domain = load_domain(config.domain, config.problem)
-        injected = [parse_fault(spec, _items(self.domain)) for spec in config.faults]
+        injected = _faults(self.domain, config)
         planner = FastDownwardPlanner(self.domain.parsed)
         planner.warm_up()  # unified-planning takes seconds to import; meanwhile all else is made
         eye = None
@@ -101,7 +109,7 @@ class Run:
         self.monitor = None if config.estimator == "none" else open_monitor(config.monitor, self.domain, eye)
         # A model takes long to load and may be none: before anything that would have to be undone.
         seeing = open_eye(eye, self.domain.subject) if eye is not None else None
-        self.world, self.truth = _stage(self.domain, config)
+        self.world, self.truth = _stage(self.domain, config, injected)
         self.folder = _make_folder(config, self.domain)
         self._collector = Collector()
         try:
@@ -141,15 +149,16 @@ class Run:
 
             recorders.append(RerunSink(self.folder))
         estimator, initial = _eye(self.domain, config, self.truth, seeing)
+        faults = FaultInjector(injected, self.world, config.seed)
         return Executive(
             self.domain.task,
-            planner,
-            self.world,
-            load_skills(self.domain),
-            estimator,
+            faulty_planner(planner, faults),
+            faulty_world(self.world, faults),
+            faulty_skills(load_skills(self.domain), faults),
+            None if estimator is None else faulty_estimator(estimator, faults),
             sinks=(*recorders, *sinks),
             settings=config.settings(),
-            faults=FaultInjector(injected, self.world, config.seed) if injected else None,
+            faults=faults,
             initial=initial,
             domain=self.domain.name,
             run=self.folder.name,
@@ -192,14 +201,17 @@ def load_attention(domain: Domain, world: MujocoWorld) -> Attention:
     return Attention(looking.closer, looking.carried, looking.guard)
 
 
-def _items(domain: Domain) -> list[str]:
-    """The problem's objects that can be moved."""
+def _faults(domain: Domain, config: RunConfig) -> list[Fault]:
+    """What is to be broken, of what there is in this problem and its scene."""
     from executive.sim.spec import read_scene
 
-    return [item.name for item in read_scene(domain.scene).items if item.name in domain.task.objects]
+    scene = read_scene(domain.scene)
+    items = [item.name for item in scene.items if item.name in domain.task.objects]
+    tables, cameras = ([thing.name for thing in things] for things in (scene.tables, scene.cameras))
+    return [parse_fault(spec, items, tables, cameras) for spec in config.faults]
 
 
-def _stage(domain: Domain, config: RunConfig) -> tuple[MujocoWorld, Truth]:
+def _stage(domain: Domain, config: RunConfig, faults: Sequence[Fault]) -> tuple[MujocoWorld, Truth]:
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
@@ -213,6 +225,7 @@ def _stage(domain: Domain, config: RunConfig) -> tuple[MujocoWorld, Truth]:
         placed=placed,
         grasp_noise=config.grasp_noise,
         home_pose=config.home_pose,
+        blockings=sum(fault.kind == "block" for fault in faults),
     )
     return world, Truth(world, domain.relations, task.parameters, domain.folder / "domain.toml")
 

@@ -42,14 +42,11 @@ class Session:
     as `cancel`, so that the other sinks get the event all the same.
     """
 
-    def __init__(self, sinks: Sequence[Sink], world: World, seed: int, cycle: Callable[[], int]) -> None:
-        self._sinks, self._listening, self._world, self._seed, self._cycle = (
-            tuple(sinks),
-            list(sinks),
-            world,
-            seed,
-            cycle,
-        )
+    def __init__(
+        self, sinks: Sequence[Sink], world: World, seed: int, faults: FaultSource | None, cycle: Callable[[], int]
+    ) -> None:
+        self._sinks, self._listening, self._world = tuple(sinks), list(sinks), world
+        self._seed, self._faults, self._cycle = seed, faults, cycle
         self._start, self._time, self._delivering = time.monotonic(), 0.0, 0.0
         self._cancelled, self._stage = False, "start"
         self._action = self._moves = 0
@@ -69,8 +66,10 @@ class Session:
 
     def open(self, first: Payload, estimator: Estimator | None) -> None:
         """Deliver the first event, tell what is going to be asked, show what the world looks like, and have its
-        movements told from here on."""
+        movements told from here on, and what is broken in it."""
         self.emit(first)
+        if self._faults:
+            self._faults.begin(self.emit, self._action)
         asking: object = estimator  # whether it asks in words is for the running program to find out
         if isinstance(asking, Asking):
             self.emit(asking.questions)
@@ -118,24 +117,23 @@ class Session:
         self,
         order: Dispatched,
         skills: Mapping[str, Skill],
-        faults: FaultSource | None,
         guard: Guard | None = None,
     ) -> SkillResult:
         """Hand a step to its skill, with the guard looking on. One that raises has crashed; its traceback is logged.
 
         The skill's chance is drawn from the run's seed and the action's number alone.
         """
-        step, action = order.step, order.action
+        step, action, faults = order.step, order.action, self._faults
         self._action, self._moves = action, 0
         self.emit(order)
         if faults:
-            faults.before_action(action, step, self.emit)
+            faults.before_action(action, step)
 
         def announce(news: Phase | Motion) -> None:
             self.emit(news)
             if isinstance(news, Phase):
                 if faults:
-                    faults.on_phase(action, step, news, self.emit)
+                    faults.on_phase(action, step, news)
                 if guard:
                     guard.on_phase(news)
 
@@ -159,7 +157,7 @@ class Session:
             self.emit(result)
         self.heed()
         if faults:
-            faults.after_action(action, step, self.emit)
+            faults.after_action(action, step)
         return result
 
     def move(self, step: Step, skill: Skill) -> SkillResult:

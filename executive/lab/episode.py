@@ -28,7 +28,7 @@ from executive.pddl import Schema
 from executive.protocols import SkillContext
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
-from executive.types import Facts, FaultInjected, Motion, Phase, SkillResult, SkillStatus, Step
+from executive.types import Facts, Motion, Phase, SkillResult, SkillStatus, Step
 
 MOST_POINTS = 20
 MOST_FAILURES = 5
@@ -109,11 +109,11 @@ class Collector:
                 break
             step = applicable[int(chance.integers(len(applicable)))]
             count = len(attempts) + 1
-            faults.before_action(count, step, _unheard)
+            faults.before_action(count, step)
             follow = partial(_follow, faults, count, step)
             context = SkillContext(world.handle, self._chance(number, 1, count), follow, stopped)
             result = self._carry_out(step, context)
-            faults.after_action(count, step, _unheard)
+            faults.after_action(count, step)
             if stopped():
                 return None
             attempts.append(Attempt(str(step), str(result.status), result.reason))
@@ -167,8 +167,4 @@ class Collector:
 
 def _follow(faults: FaultInjector, count: int, step: Step, news: Phase | Motion) -> None:
     if isinstance(news, Phase):
-        faults.on_phase(count, step, news, _unheard)
-
-
-def _unheard(fault: FaultInjected) -> None:
-    """Nobody is told of a slip but by what becomes of the action."""
+        faults.on_phase(count, step, news)

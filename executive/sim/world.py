@@ -13,8 +13,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from executive.errors import DomainError, InputError, nearest
-from executive.sim import placement, scene, scenery
+from executive.errors import DomainError, InputError
+from executive.sim import mischief, placement, scene, scenery
 from executive.sim.drawing import Drawing
 from executive.sim.handle import ArmLimits, Handle
 from executive.sim.spec import SceneSpec, read_scene
@@ -45,6 +45,7 @@ class MujocoWorld:
         placed: item -> table for the items whose place the problem declares.
         grasp_noise: standard deviation in m of the horizontal error with which a grasped item's pose is known.
         home_pose: whether skills end at the home pose.
+        blockings: how often a table is going to be blocked; that many times the boxes for it wait out of sight.
 
     Raises:
         DomainError: the scene file is wrong, an object has no body, or the items find no place.
@@ -59,8 +60,13 @@ class MujocoWorld:
         placed: Mapping[str, str] | None = None,
         grasp_noise: float = 0.0,
         home_pose: bool = True,
+        blockings: int = 0,
     ) -> None:
-        self.spec: SceneSpec = read_scene(file).restricted_to(objects, file)
+        spec = read_scene(file).restricted_to(objects, file)
+        self.items = tuple(item.name for item in spec.items)
+        added = mischief.boxes(spec, blockings)
+        self.boxes = tuple(box.name for box in added)
+        self.spec: SceneSpec = spec.model_copy(update={"items": (*spec.items, *added)})
         self.model = compiled(self.spec, file)
         self.data = mujoco.MjData(self.model)
         self.shapes = scene.item_shapes(self.model, self.spec)
@@ -83,17 +89,17 @@ class MujocoWorld:
         self._fingers = np.array([self.model.actuator(name).id for name in scene.FINGER_DRIVES])
         self._finger_joints = np.array([self.model.joint(name).qposadr[0] for name in scene.FINGER_JOINTS])
         self._pads = [self.model.geom(name).id for name in scene.PADS]
-        self._items = {item.name: self.model.joint(f"{item.name}/free").qposadr[0] for item in self.spec.items}
+        self._places = {item.name: self.model.joint(f"{item.name}/free").qposadr[0] for item in self.spec.items}
         limits = self._limits(file)
         self._reset(dict(placed or {}), file)
-        spec = self.spec
+        stage = self.spec
         # The handle refers back weakly: a world holds a hundred megabytes, which go when its owner lets go of it.
         self.handle = Handle(
             limits=limits,
             tables={table.name: table for table in self.spec.tables},
             shapes=self.shapes,
             eyes={camera.name: np.array(camera.position) for camera in self.spec.cameras},
-            planning_spec=lambda: scene.build(spec, visuals=False),
+            planning_spec=lambda: scene.build(stage, visuals=False),
             control_period=self._steps * self.model.opt.timestep,
             home_pose=home_pose,
             body=weakref.proxy(self),
@@ -171,16 +177,7 @@ class MujocoWorld:
         self._next_frame = self.time
 
     def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
-        if kind == "drop":
-            self._forced_open_until = self.time + 1.0
-            return "the gripper opened by itself"
-        if kind == "miss":
-            direction = rng.uniform(-np.pi, np.pi)
-            self._misplaced = 0.075 * np.array([np.cos(direction), np.sin(direction), 0.0])
-            return "the next grasp is aimed 75 mm beside the item"
-        if kind == "shove":
-            return self._shove(rng, arguments.get("item"))
-        raise InputError(f"this world cannot be disturbed by {kind!r}; {nearest(kind, ('drop', 'miss', 'shove'))}")
+        return mischief.disturb(self, kind, rng, arguments)
 
     # What a skill drives (executive.sim.handle.Body).
 
@@ -195,7 +192,7 @@ class MujocoWorld:
         return max(0.0, float(np.linalg.norm(left - right)) - 2 * scene.PAD_HALF_THICKNESS)
 
     def locate(self, item: str) -> FloatArray:
-        pose = self._pose(item)
+        pose = self.pose(item)
         pose[:2] += self._noise_rng.normal(0.0, 1.0, 2) * self._grasp_noise
         if self._misplaced is not None:
             pose[:3] += self._misplaced
@@ -203,11 +200,19 @@ class MujocoWorld:
         return pose
 
     def obstacles(self) -> dict[str, FloatArray]:
-        return {item: self._pose(item) for item in self._items}
+        return {item: self.pose(item) for item in self._places}
 
     def command(self, position: FloatArray, velocity: FloatArray) -> None:
         # A position servo with damping lags a moving target by damping/stiffness seconds; lead by as much.
         self.data.ctrl[self._servo] = position + self._lag * velocity
+
+    def mislead(self, error: FloatArray) -> None:
+        """Have the next item that is located seem to be off by `error` (3,), in m."""
+        self._misplaced = error
+
+    def force_open(self, seconds: float) -> None:
+        """Have the fingers open for a while, whatever they are told."""
+        self._forced_open_until = self.time + seconds
 
     def command_gripper(self, closed: float) -> None:
         self._closed = float(np.clip(closed, 0.0, 1.0))
@@ -251,8 +256,9 @@ class MujocoWorld:
             self.drawing.close()
             del self.model, self.data, self.drawing
 
-    def _pose(self, item: str) -> FloatArray:
-        start = self._items[item]
+    def pose(self, item: str) -> FloatArray:
+        """Where an item is, (7,), without error."""
+        start = self._places[item]
         return np.array(self.data.qpos[start : start + 7])
 
     def _limits(self, file: Path) -> ArmLimits:
@@ -278,11 +284,14 @@ class MujocoWorld:
             mujoco.mj_resetData(self.model, self.data)
             self.data.qpos[self._arm] = home
             self.command(home, np.zeros(6))
-            poses = placement.draw(self.spec, self.shapes, placed, self._placement_rng, file)
+            shapes = {item: self.shapes[item] for item in self.items}
+            poses = placement.draw(self.spec, shapes, placed, self._placement_rng, file)
             for item, pose in poses.items():
-                self._put(item, pose)
+                self.put(item, pose)
+            for number, box in enumerate(self.boxes):
+                self.put(box, mischief.aside(self.spec, number, float(self.shapes[box].half[2])))
             mujoco.mj_forward(self.model, self.data)
-            if touched := self._touched_by_arm() - self._items.keys():
+            if touched := self._touched_by_arm() - self._places.keys():
                 raise DomainError(f"there the arm touches {min(touched)}", file=file, key="robot.home")
             self.settle(0.6)
             if all(self._stayed(item, pose) for item, pose in poses.items()):
@@ -292,34 +301,8 @@ class MujocoWorld:
                           key="placement")  # fmt: skip
 
     def _stayed(self, item: str, pose: FloatArray) -> bool:
-        now = self._pose(item)
+        now = self.pose(item)
         return bool(np.linalg.norm(now[:3] - pose[:3]) < 0.02 and abs(float(now[3:] @ pose[3:])) > 0.99)
-
-    def _shove(self, rng: np.random.Generator, item: str | None) -> str:
-        if item is not None and item not in self._items:
-            raise InputError(f"no item {item!r} to shove; {nearest(item, self._items)}")
-        gripped = self._between_fingers()
-        loose = [name for name in self._items if name != gripped]
-        if item is None and loose:
-            item = loose[int(rng.integers(len(loose)))]
-        if item is None or item == gripped:
-            return "nothing was shoved: the robot holds it"
-        before, others = self._pose(item), {name: pose for name, pose in self.obstacles().items() if name != item}
-        for _ in range(20):
-            found = placement.free_spot(self.spec, self.shapes, item, others, rng)
-            if found is None:
-                break
-            table, pose = found
-            self._put(item, pose)
-            if self._untouched(item, table):
-                dof = self.model.joint(f"{item}/free").dofadr[0]
-                self.data.qvel[dof : dof + 6] = 0.0
-                mujoco.mj_forward(self.model, self.data)
-                self.settle(0.3)
-                return f"someone moved {item} to {table}"
-        self._put(item, before)
-        mujoco.mj_forward(self.model, self.data)
-        return f"{item} was to be moved, but no table has room"
 
     def _touched_by_arm(self) -> set[str]:
         """What the arm or the hand touches, itself left out: bodies by the name of their root."""
@@ -328,24 +311,26 @@ class MujocoWorld:
                  for contact in self.data.contact[: self.data.ncon])  # fmt: skip
         return {self.model.body(body).name for pair in pairs if arm in pair for body in pair - {arm}}
 
-    def _put(self, item: str, pose: FloatArray) -> None:
-        self.data.qpos[self._items[item] : self._items[item] + 7] = pose
+    def put(self, item: str, pose: FloatArray) -> None:
+        """Have an item be at a pose (7,) at once."""
+        start = self._places[item]
+        self.data.qpos[start : start + 7] = pose
 
-    def _untouched(self, item: str, table: str) -> bool:
-        """Whether an item that was just put somewhere touches nothing but its table: the arm may stand there."""
+    def touched_by(self, item: str) -> set[str]:
+        """What touches an item, by the names of the outermost bodies."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
-        roots = ({int(self.model.body_rootid[self.model.geom_bodyid[geom]]) for geom in contact.geom}
+        mine, roots = self.model.body(item).id, self.model.body_rootid
+        pairs = ({int(roots[self.model.geom_bodyid[geom]]) for geom in contact.geom}
                  for contact in self.data.contact[: self.data.ncon])  # fmt: skip
-        mine, allowed = self.model.body(item).id, self.model.body(table).id
-        return all(mine not in pair or pair == {mine, allowed} for pair in roots)
+        return {self.model.body(other).name for pair in pairs if mine in pair for other in pair - {mine}}
 
-    def _between_fingers(self) -> str | None:
+    def gripped(self) -> str | None:
         """The item around the grip point when the fingers are closed, so that nobody moves it."""
-        if self._closed < 0.5 or not self._items:
+        if self._closed < 0.5 or not self.items:
             return None
         grip = self.data.site(scene.GRIP_SITE).xpos
-        distance = {name: self.shapes[name].distance(self._pose(name), grip) for name in self._items}
+        distance = {name: self.shapes[name].distance(self.pose(name), grip) for name in self.items}
         nearest_item = min(distance, key=distance.__getitem__)
         return nearest_item if distance[nearest_item] < 0.03 else None
 

@@ -91,7 +91,7 @@ def test_labels_are_what_is_true_not_what_was_meant(play: Callable[..., Episode]
 def test_an_episode_is_over_when_nothing_applies(play: Callable[..., Episode]) -> None:
     def sweep(step: Step, context: SkillContext, count: int) -> SkillStatus:
         world = context.handle.body
-        for item, start in world._items.items():
+        for item, start in world._places.items():
             world.data.qpos[start : start + 3] = [2.0, 0.3 * len(item), 0.03]  # to the floor
         return DONE
 

@@ -19,7 +19,7 @@ ATOMS = [
 
 
 def put(world: MujocoWorld, item: str, pose: list[float]) -> None:
-    start = world._items[item]
+    start = world._places[item]
     world.data.qpos[start : start + 7] = pose
     dof = world.model.joint(f"{item}/free").dofadr[0]
     world.data.qvel[dof : dof + 6] = 0.0

@@ -182,7 +182,7 @@ def test_nobody_takes_an_item_out_of_the_hand() -> None:
     drawn = grocery(0, items=("water-bottle",))
     drawn.command_gripper(1.0)
     for _ in range(40):  # held up by its neck while the fingers close
-        drawn._put("water-bottle", np.array([*(drawn.data.site("grip_site").xpos - [0, 0, 0.06]), 1, 0, 0, 0]))
+        drawn.put("water-bottle", np.array([*(drawn.data.site("grip_site").xpos - [0, 0, 0.06]), 1, 0, 0, 0]))
         drawn.advance()
     assert "the robot holds it" in drawn.disturb("shove", np.random.default_rng(0), item="water-bottle")
     assert "the robot holds it" in drawn.disturb("shove", np.random.default_rng(0))

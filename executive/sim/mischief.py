@@ -1,0 +1,291 @@
+"""What a fault does to the simulated world: the hand lets go, someone moves, takes, swaps, tips over or pushes an item,
+or puts boxes on a table. Nobody takes an item out of the hand, and nobody puts one where the arm is.
+
+Boxes for blocking a table wait, as does what was taken away, on the floor behind all cameras.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from itertools import product
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from executive.errors import InputError, nearest
+from executive.sim import placement, scene
+from executive.sim.spec import ItemSpec, SceneSpec, TableSpec
+from executive.types import FloatArray
+
+if TYPE_CHECKING:
+    from executive.sim.world import MujocoWorld
+
+BOXES = 9
+"""To block one table: three by three."""
+
+_BOX_HEIGHT = 0.10
+_BOX_ROOM = 0.02
+"""m around a box on a table."""
+
+_ASIDE = 4.0
+"""m from the robot to where things wait; they are 0.4 m apart."""
+
+_TRIES = 20
+_SLIP_ANGLE = (0.2, 0.5)
+_SLIP_WAY = (0.002, 0.008)
+"""How far, in rad about the axis from pad to pad and in m out of the hand, an item slips in the grip."""
+
+_SQUEEZED = 0.002
+"""m by which an item that slipped may at most be inside something that is not a pad."""
+
+
+def boxes(spec: SceneSpec, blockings: int) -> tuple[ItemSpec, ...]:
+    """The boxes that it takes to block a table so many times."""
+    names = {item.name for item in spec.items} | {table.name for table in spec.tables}
+    free = (name for number in range(1, 10**6) if (name := f"box-{number}") not in names)
+    across, along = (min(table.size[axis] for table in spec.tables) / 3 - _BOX_ROOM for axis in (0, 1))
+    size = (max(0.02, across), max(0.02, along), _BOX_HEIGHT)
+    return tuple(
+        ItemSpec(name=next(free), shape="box", size=size, rgba=(0.55, 0.45, 0.35, 1.0), mass=1.0)
+        for _ in range(BOXES * blockings)
+    )
+
+
+def aside(spec: SceneSpec, number: int, height: float) -> FloatArray:
+    """Where the `number`-th thing waits that is out of the game: a pose (7,) behind all cameras, `height` m above the
+    floor."""
+    away = sum((np.subtract(camera.position, camera.target)[:2] for camera in spec.cameras), np.zeros(2))
+    away = away / np.linalg.norm(away) if np.linalg.norm(away) > 1e-6 else np.array([1.0, 0.0])
+    spot = np.asarray(spec.robot.position[:2]) + (_ASIDE + 0.4 * number) * away
+    return np.array([*spot, height, 1.0, 0.0, 0.0, 0.0])
+
+
+def disturb(world: MujocoWorld, kind: str, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    """Break something now, and say in plain words what was done; see `executive.protocols.World`.
+
+    Raises:
+        InputError: no such kind, or an argument names nothing that there is.
+    """
+    if kind not in _DEEDS:
+        raise InputError(f"this world cannot be disturbed by {kind!r}; {nearest(kind, _DEEDS)}")
+    for key in ("item", "with"):
+        if key in arguments and arguments[key] not in world.items:
+            raise InputError(f"no item {arguments[key]!r} to {kind}; {nearest(arguments[key], world.items)}")
+    tables = [table.name for table in world.spec.tables]
+    if "table" in arguments and arguments["table"] not in tables:
+        raise InputError(f"no table {arguments['table']!r}; {nearest(arguments['table'], tables)}")
+    return _DEEDS[kind](world, rng, arguments)
+
+
+def _drop(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    world.force_open(1.0)
+    return "the gripper opened by itself"
+
+
+def _miss(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    direction = rng.uniform(-np.pi, np.pi)
+    world.mislead(0.075 * np.array([np.cos(direction), np.sin(direction), 0.0]))
+    return "the next grasp is aimed 75 mm beside the item"
+
+
+def _slip(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    item = world.gripped()
+    if item is None:
+        return "nothing slipped: the hand is empty"
+    hand = world.data.site(scene.GRIP_SITE)
+    centre, (_, closing, out) = np.array(hand.xpos), np.array(hand.xmat).reshape(3, 3).T
+    before = world.pose(item)
+    for _ in range(_TRIES):
+        angle = rng.uniform(*_SLIP_ANGLE) * rng.choice([-1.0, 1.0])
+        way = rng.uniform(*_SLIP_WAY)
+        turn, turned, moved = np.zeros(4), np.zeros(4), np.zeros(3)
+        mujoco.mju_axisAngle2Quat(turn, closing, angle)
+        mujoco.mju_mulQuat(turned, turn, before[3:])
+        mujoco.mju_rotVecQuat(moved, before[:3] - centre, turn)
+        _place(world, item, np.array([*(centre + moved + way * out), *turned]))
+        if all(depth < _SQUEEZED for depth in _squeezed(world, item)):
+            degrees = abs(math.degrees(angle))
+            return f"{item} turned by {degrees:.0f} degrees and slid {1000 * way:.0f} mm in the grip"
+    _place(world, item, before)
+    return f"{item} was to slip, but is held all around"
+
+
+def _shove(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    item = _loose(world, rng, arguments.get("item"))
+    if item is None:
+        return "nothing was shoved: the robot holds it"
+    before, others = world.pose(item), {name: pose for name, pose in world.obstacles().items() if name != item}
+    for _ in range(_TRIES):
+        found = placement.free_spot(world.spec, world.shapes, item, others, rng, arguments.get("table"))
+        if found is None:
+            break
+        table, pose = found
+        if _put(world, item, pose, table):
+            world.settle(0.3)
+            return f"someone moved {item} to {table}"
+    _place(world, item, before)
+    return f"{item} was to be moved, but no table has room"
+
+
+def _take(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    item = _loose(world, rng, arguments.get("item"))
+    if item is None:
+        return "nothing was taken: the robot holds it"
+    shape, waiting = world.shapes[item], len(world.boxes) + sorted(world.items).index(item)
+    _place(world, item, aside(world.spec, waiting, float(shape.half[2] - shape.centre[2]) + 0.001))
+    return f"someone took {item} away"
+
+
+def _swap(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    one = _loose(world, rng, arguments.get("item"), besides=arguments.get("with"))
+    other = None if one is None else _loose(world, rng, arguments.get("with"), besides=one)
+    if one is None or other is None:
+        return f"nothing was swapped: {'the robot holds one of them' if len(world.items) > 1 else 'there is one item'}"
+    poses = {item: world.pose(item) for item in (one, other)}
+    under_one, under_other = _under(world, one), _under(world, other)
+    if under_one is None or under_other is None:
+        return f"{one} and {other} were not swapped: one of them is on no table"
+    there = aside(world.spec, len(world.boxes) + len(world.items), 0.5)
+    _place(world, one, there)  # out of the other's way
+    for _ in range(_TRIES):
+        yaw, way = rng.uniform(-np.pi, np.pi, 2)
+        for_other = placement.upright(world.shapes[other], poses[one][:2], under_one, float(yaw))
+        for_one = placement.upright(world.shapes[one], poses[other][:2], under_other, float(way))
+        if _put(world, other, for_other, under_one.name) and _put(world, one, for_one, under_other.name):
+            world.settle(0.3)
+            return f"someone swapped {one} and {other}"
+        _place(world, one, there)
+    for item, pose in poses.items():
+        _place(world, item, pose)
+    return f"{one} and {other} were to be swapped, but do not fit"
+
+
+def _tip(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    item = _loose(world, rng, arguments.get("item"))
+    if item is None:
+        return "nothing was tipped over: the robot holds it"
+    table, before, shape = _under(world, item), world.pose(item), world.shapes[item]
+    if table is None:
+        return f"{item} was not tipped over: it is on no table"
+    start = rng.uniform(-np.pi, np.pi)
+    for step in range(_TRIES):
+        angle = start + 2 * np.pi * step / _TRIES
+        quarter, turned, middle = np.zeros(4), np.zeros(4), np.zeros(3)
+        mujoco.mju_axisAngle2Quat(quarter, np.array([np.cos(angle), np.sin(angle), 0.0]), 0.5 * np.pi)
+        mujoco.mju_mulQuat(turned, quarter, before[3:])
+        mujoco.mju_rotVecQuat(middle, shape.centre, turned)
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, turned)
+        height = table.centre[2] + shape.reach(rotation.reshape(3, 3).T @ np.array([0.0, 0.0, 1.0])) + 0.002
+        spot = np.array([*before[:2], height]) - middle
+        if _put(world, item, np.array([*spot, *turned]), table.name):
+            world.settle(0.5)
+            return f"{item} was tipped over"
+    _place(world, item, before)
+    return f"{item} was to be tipped over, but has no room to lie"
+
+
+def _push(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    item = _loose(world, rng, arguments.get("item"))
+    if item is None:
+        return "nothing was pushed: the robot holds it"
+    table, shape = _under(world, item), world.shapes[item]
+    if table is None:
+        return f"{item} was not pushed: it is on no table"
+    here, robot = world.pose(item), np.asarray(world.spec.robot.position[:2])
+    away = np.asarray(table.centre[:2]) - robot
+    away /= np.linalg.norm(away)
+    cos, sin = np.cos(table.yaw), np.sin(table.yaw)
+    axes = [np.array([cos, sin]), np.array([-sin, cos])]
+    axis = max((sign * axis for axis in axes for sign in (1.0, -1.0)), key=lambda axis: float(axis @ away))
+    half = 0.5 * float(table.size[0] if abs(axis @ axes[0]) > 0.5 else table.size[1])
+    beyond = half - float((here[:2] - np.asarray(table.centre[:2])) @ axis) + placement.footprint(shape) + 0.03
+    here[:2] += beyond * axis
+    _place(world, item, here)
+    world.settle(1.0)
+    return f"{item} was pushed off {table.name}"
+
+
+def _block(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    tables = {table.name: table for table in world.spec.tables}
+    table = tables[arguments.get("table") or str(rng.choice(sorted(tables)))]
+    cos, sin = np.cos(table.yaw), np.sin(table.yaw)
+    waiting = [name for name in world.boxes if world.pose(name)[2] < 0.5 * _BOX_HEIGHT + 0.05]
+    put = 0
+    for row, column in product((-1, 0, 1), repeat=2):
+        if put == len(waiting):
+            break
+        x, y = row * table.size[0] / 3, column * table.size[1] / 3
+        spot = np.array([table.centre[0] + cos * x - sin * y, table.centre[1] + sin * x + cos * y])
+        box, before = waiting[put], world.pose(waiting[put])
+        if _put(world, box, placement.upright(world.shapes[box], spot, table, table.yaw), table.name):
+            put += 1
+        else:
+            _place(world, box, before)
+    if not put:
+        return f"{table.name} was to be blocked, but {'has no room' if waiting else 'no boxes are left'}"
+    world.settle(0.2)
+    return f"someone put {put} {'box' if put == 1 else 'boxes'} on {table.name}"
+
+
+_DEEDS: Mapping[str, Callable[[MujocoWorld, np.random.Generator, Mapping[str, str]], str]] = {
+    "drop": _drop,
+    "miss": _miss,
+    "slip": _slip,
+    "shove": _shove,
+    "take": _take,
+    "swap": _swap,
+    "tip": _tip,
+    "push": _push,
+    "block": _block,
+}
+
+
+def _loose(world: MujocoWorld, rng: np.random.Generator, item: str | None, besides: str | None = None) -> str | None:
+    """The item that is meant, or one drawn at random, unless the hand holds it."""
+    gripped = world.gripped()
+    loose = [name for name in world.items if name not in (gripped, besides)]
+    if item is None and loose:
+        return loose[int(rng.integers(len(loose)))]
+    return None if item == gripped else item
+
+
+def _under(world: MujocoWorld, item: str) -> TableSpec | None:
+    """The table that an item stands or lies on, by where it is."""
+    pose, shape = world.pose(item), world.shapes[item]
+    for table in world.spec.tables:
+        cos, sin = np.cos(table.yaw), np.sin(table.yaw)
+        x, y = pose[:2] - np.asarray(table.centre[:2])
+        inside = abs(cos * x + sin * y) <= 0.5 * table.size[0] and abs(cos * y - sin * x) <= 0.5 * table.size[1]
+        if inside and -0.05 < pose[2] - table.centre[2] < 0.05 + 2 * float(max(shape.half)):
+            return table
+    return None
+
+
+def _place(world: MujocoWorld, item: str, pose: FloatArray) -> None:
+    """Put an item somewhere, at rest."""
+    world.put(item, pose)
+    dof = world.model.joint(f"{item}/free").dofadr[0]
+    world.data.qvel[dof : dof + 6] = 0.0
+    mujoco.mj_forward(world.model, world.data)
+
+
+def _put(world: MujocoWorld, item: str, pose: FloatArray, table: str) -> bool:
+    """Put an item somewhere: whether it touches nothing there but its table. The arm may stand there."""
+    _place(world, item, pose)
+    return world.touched_by(item) <= {table}
+
+
+def _squeezed(world: MujocoWorld, item: str) -> list[float]:
+    """How deep, in m, an item is inside whatever it touches that is no finger pad."""
+    pads = {world.model.geom(name).id for name in scene.PADS}
+    mine = world.model.body(item).id
+    depths = []
+    for contact in world.data.contact[: world.data.ncon]:
+        geoms = [int(geom) for geom in contact.geom]
+        roots = [int(world.model.body_rootid[world.model.geom_bodyid[geom]]) for geom in geoms]
+        if mine in roots and pads.isdisjoint(geoms):
+            depths.append(-float(contact.dist))
+    return depths
