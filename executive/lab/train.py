@@ -131,14 +131,11 @@ class Training:
     # The rest.
 
     def _grow(self, watch: Watch) -> Path:
-        import torch
-
         from executive.lab.eye import card, descent, network
         from executive.lab.eye.recipe import LANGUAGE, TOGETHER, TOWER, Eye, Pool
         from executive.lab.eye.wordings import WORDINGS
 
-        if self.config.jobs is not None:
-            torch.set_num_threads(self.config.jobs)
+        descent.use_threads(self.config.jobs)
         out, recipe = self.config.out, self.recipe
         questions = self.domain.subject.questions
         wordings = questions.with_name(WORDINGS) if questions is not None else None

@@ -89,6 +89,12 @@ def descend(
             raise CancelledError(stage)
 
 
+def use_threads(count: int | None) -> None:
+    """Compute with so many threads; as torch has it when not given."""
+    if count is not None:
+        torch.set_num_threads(count)
+
+
 def finished(file: Path, steps: int) -> bool:
     """Whether a stage has been run to its end."""
     return file.exists() and int(torch.load(file, weights_only=True, map_location="cpu")["step"]) >= steps
