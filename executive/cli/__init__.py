@@ -1,0 +1,27 @@
+"""The command line: each command a few lines over the library.
+
+Exit codes: 0 goal reached, 1 not reached, 2 bad input, 3 something is missing on the machine, 70 a bug in Executive,
+130 interrupted. Whatever goes wrong is one line on stderr; `executive --debug ...` shows the traceback instead.
+
+Everything heavy is imported inside the command that needs it, so that `executive --help` answers at once.
+"""
+
+from executive.cli.frame import BAD_INPUT, BUG, INTERRUPTED, NOT_REACHED, REACHED, Settings, app, exit_code, main
+from executive.cli.house import doctor, domains, new
+from executive.cli.running import explain, inspect, run
+from executive.cli.seeing import calibrate, collect, estimate, evaluate, train
+
+__all__ = ["BAD_INPUT", "BUG", "INTERRUPTED", "NOT_REACHED", "REACHED", "Settings", "app", "exit_code", "main"]
+
+# In the order in which the help lists them.
+app.command()(run)
+app.command()(estimate)
+app.command()(collect)
+app.command("eval")(evaluate)
+app.command()(calibrate)
+app.command()(train)
+app.command()(explain)
+app.command()(inspect)
+app.command()(domains)
+app.command()(new)
+app.command()(doctor)

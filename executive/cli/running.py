@@ -1,0 +1,190 @@
+"""Runs: to carry one out, to have it told, to look at it."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executive import completion
+from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, read_no_more
+from executive.cli.options import (
+    CalibrationFile,
+    DomainName,
+    Instructions,
+    LanguageModel,
+    Model,
+    PerImage,
+    ProblemName,
+    RunName,
+    Server,
+    TranslatorName,
+)
+from executive.errors import InputError
+from executive.types import OutcomeKind
+
+
+def run(
+    domain: DomainName,
+    problem: ProblemName = None,
+    seed: Annotated[int, typer.Option(min=0, help="Fixes the scene and every chance after it.")] = 0,
+    estimator: Annotated[
+        str,
+        typer.Option(
+            help="Who says what is true: oracle, vlm (a model looks), or none (go on blindly).",
+            autocompletion=completion.estimators,
+        ),
+    ] = "oracle",
+    vlm: Model = None,
+    server: Server = None,
+    translator: TranslatorName = "templates",
+    llm: LanguageModel = None,
+    instructions: Instructions = True,
+    per_image: PerImage = False,
+    calibration: CalibrationFile = None,
+    alpha: Annotated[
+        float | None, typer.Option(help="Tell something wrongly in at most this share of looks; doubt the rest.")
+    ] = None,
+    threshold: Annotated[
+        float | None, typer.Option(help="Take each answer alone at its word, above or below; 0.5 is the paper's way.")
+    ] = None,
+    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Weigh looks with what was seen before.")] = True,
+    trust: Annotated[Path | None, typer.Option(help="A file that says how often the model errs.")] = None,
+    fault: Annotated[
+        list[str] | None, typer.Option(help="Break something: drop@4, drop:p=0.3, miss@3, shove@3.")
+    ] = None,
+    home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
+    grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.0,
+    max_replans: Annotated[int | None, typer.Option(min=0, help="Give up after so many.")] = None,
+    max_actions: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
+    runs: Annotated[Path, typer.Option(help="Where the run's folder is made.")] = Path("runs"),
+    name: Annotated[str | None, typer.Option(help="The name of the run's folder.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary on stdout, all else on stderr.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors, and --json.")] = False,
+    viewer: Annotated[bool, typer.Option("--trace-viewer/--no-trace-viewer", help="Write trace.rrd, too.")] = True,
+) -> int:
+    """Reach a problem's goal in the simulator, and write down all that happens."""
+    from executive import machine
+
+    machine.require()
+
+    from executive import assemble
+    from executive.eye import EyeConfig
+    from executive.faults import parse_fault
+    from executive.monitoring import MonitorConfig
+    from executive.trace.console import waiting
+    from executive.trace.report import print_summary
+    from executive.trace.terminal import TerminalSink
+
+    looking = estimator == "vlm" or vlm is not None or server is not None
+    config = assemble.RunConfig(
+        domain=domain,
+        problem=problem,
+        seed=seed,
+        estimator=estimator,
+        faults=tuple(fault or ()),
+        home_pose=home_pose,
+        grasp_noise=grasp_noise,
+        max_replans=max_replans,
+        max_actions=max_actions,
+        runs=runs,
+        name=name,
+        viewer=viewer,
+        eye=EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration) if looking else None,
+        monitor=MonitorConfig(alpha, threshold, memory, trust),
+    )
+    stream = sys.stderr if as_json else sys.stdout
+    with nullcontext() if quiet else waiting(stream, "loading planner and simulator"):
+        prepared = assemble.Run(config, [] if quiet else [TerminalSink(stream)])
+    with prepared, ctrl_c(prepared.cancel):
+        summary = prepared.execute()
+    struck = {each["spec"] for each in summary["faults"]}
+    for spec in config.faults:
+        if "@" in spec and str(parse_fault(spec)) not in struck and not quiet:
+            print(f"warning: the fault {spec} never struck in {summary['actions']} actions", file=sys.stderr)
+    try:
+        if not quiet:
+            print_summary(summary, prepared.folder, stream)
+        if as_json:
+            print(json.dumps(summary, indent=2), flush=True)
+    except BrokenPipeError:  # how the run ended does not hang on who reads it
+        read_no_more()
+    if summary["outcome"] == OutcomeKind.INTERRUPTED:
+        return INTERRUPTED
+    # A goal that nobody saw is not reported as reached, whatever a blind robot believes.
+    return REACHED if summary["goal_seen"] else NOT_REACHED
+
+
+def explain(
+    run: RunName,
+    cycle: Annotated[int | None, typer.Option(min=0, help="Only this cycle, with all that is known of it.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the lines as JSON.")] = False,
+) -> None:
+    """Tell what a run did, saw and decided, and why, from its record alone."""
+    from executive.trace.events import read_events
+    from executive.trace.explain import explain as told
+    from executive.trace.explain import print_lines
+
+    folder = _run_folder(run)
+    lines = told(read_events(folder, images=False), cycle)
+    if as_json:
+        print(json.dumps({"run": str(folder), "lines": lines}, indent=2))
+    else:
+        print_lines(lines, sys.stdout)
+
+
+def inspect(
+    run: RunName,
+    web: Annotated[bool, typer.Option("--web", help="In a browser on this machine, instead of a window.")] = False,
+    png: Annotated[Path | None, typer.Option(help="Write a picture to this file instead; needs no screen.")] = None,
+    at: Annotated[
+        int | None, typer.Option(min=0, help="The cycle that --png shows; the last one if not given.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what is shown where as JSON.")] = False,
+) -> None:
+    """Show a run in the Rerun viewer."""
+    from executive.trace.console import waiting
+    from executive.trace.rebuild import ensure_trace
+    from executive.trace.screenshot import screenshot
+    from executive.trace.viewer_process import inspect as open_viewer
+
+    if at is not None and png is None:
+        raise InputError("goes with --png; the viewer itself has a time line", key="--at")
+    if web and png is not None:
+        raise InputError("is one way to look, --png is another", key="--web")
+    folder = _run_folder(run)
+
+    def tell(address: str) -> None:
+        document = {"run": str(folder), "address": address}
+        print(json.dumps(document) if as_json else f"{address}   (Ctrl-C ends it)", flush=True)
+
+    if png is not None and not png.resolve().parent.is_dir():
+        raise InputError("there is no such folder", file="--png", key=str(png.parent))
+    with waiting(sys.stderr, "reading the events"):
+        ensure_trace(folder)
+    if png is None:
+        open_viewer(folder, web, tell)
+        return
+    complaints = screenshot(folder, png, at_cycle=at)
+    for complaint in complaints:
+        print(f"warning: {complaint}", file=sys.stderr)
+    if as_json:
+        print(json.dumps({"run": str(folder), "png": str(png), "warnings": complaints}))
+
+
+def _run_folder(run: str, runs: Path = Path("runs")) -> Path:
+    """The folder of a run, given that folder or its name in `runs`."""
+    for folder in (Path(run), runs / run):
+        if folder.exists():
+            return folder
+    made = [folder.name for folder in completion.latest(runs)]
+    if not made:
+        raise InputError(f"there is no such run; {runs} has none", file=run)
+    close = difflib.get_close_matches(Path(run).name, made, n=1, cutoff=0.6)
+    hint = f"did you mean {close[0]!r}? " if close and close[0] != made[0] else ""
+    raise InputError(f"there is no such run; {hint}the latest in {runs} is {made[0]}", file=run)

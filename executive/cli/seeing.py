@@ -1,0 +1,209 @@
+"""Models that look: at pictures, at collections; how far they are to be trusted, and how they are grown."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executive import completion
+from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, one_line
+from executive.cli.options import (
+    CalibrationFile,
+    DomainName,
+    Instructions,
+    LanguageModel,
+    Model,
+    PerImage,
+    ProblemName,
+    Server,
+    TranslatorName,
+)
+from executive.errors import InputError
+
+
+def estimate(
+    domain: Annotated[
+        str,
+        typer.Argument(
+            help="A folder with PDDL in it, or the name of a domain that comes along.",
+            autocompletion=completion.domains,
+        ),
+    ],
+    problem: ProblemName = None,
+    image: Annotated[list[Path] | None, typer.Option(help="A picture; repeat it to show several together.")] = None,
+    video: Annotated[Path | None, typer.Option(help="A video instead of pictures.")] = None,
+    every: Annotated[float, typer.Option(help="Seconds between the video's frames that are looked at.")] = 0.5,
+    atoms: Annotated[
+        list[str] | None, typer.Option(help="Only these, such as 'on-table(*,wood-table)' or robot-gripping.")
+    ] = None,
+    question: Annotated[
+        list[str] | None, typer.Option(help="A question of your own, instead of all atoms; repeat it for more.")
+    ] = None,
+    vlm: Model = None,
+    server: Server = None,
+    translator: TranslatorName = "templates",
+    llm: LanguageModel = None,
+    instructions: Instructions = True,
+    per_image: PerImage = False,
+    calibration: CalibrationFile = None,
+    out: Annotated[Path, typer.Option(help="The folder for a video's plot and recording.")] = Path("."),
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON, with the prompts.")] = False,
+) -> int:
+    """Say how probable each atom of a domain is, judging by pictures or a video."""
+    from executive import estimate as estimating
+    from executive.eye import EyeConfig
+    from executive.s3e.video import read_frames
+
+    if bool(image) == (video is not None):
+        raise InputError("pass pictures with --image, or a video with --video", key="estimate")
+    images = estimating.read_images(image or [])
+    frames = read_frames(video, every) if video is not None else iter(())
+    config = EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration)
+    if not out.is_dir():
+        raise InputError("there is no such folder", file="--out", key=str(out))
+    session = estimating.Session(domain, problem, config, atoms or (), question or ())
+    for warning in session.warnings:
+        print(f"warning: {one_line(warning)}", file=sys.stderr)
+    if video is not None:
+        answered = estimating.tell_video(session, video, frames, every, out, as_json)
+    else:
+        answered = estimating.tell_look(session, image or [], images, as_json)
+    return REACHED if answered else NOT_REACHED
+
+
+def collect(
+    domain: DomainName,
+    out: Annotated[Path, typer.Option(help="The folder for the data; one that was begun is gone on with.")],
+    points: Annotated[int, typer.Option(min=1, help="How many completed actions to picture.")] = 2000,
+    problem: ProblemName = None,
+    seed: Annotated[int, typer.Option(min=0, help="Fixes everything, however many processes share the work.")] = 0,
+    home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
+    grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.010,
+    slips: Annotated[float, typer.Option(min=0.0, max=1.0, help="Chance of losing what is carried.")] = 0.05,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was collected as JSON.")] = False,
+) -> int:
+    """Collect pictures and the truth about them, by random actions in the simulator (the paper's Appendix D)."""
+    from executive import machine
+
+    machine.require()
+
+    from executive.lab import collect as collecting
+    from executive.lab.progress import summary, told
+
+    config = collecting.CollectConfig(domain, out, points, problem, seed, home_pose, grasp_noise, slips, jobs)
+    with (
+        collecting.Collection(config, lambda line: print(f"warning: {one_line(line)}", file=sys.stderr)) as collection,
+        ctrl_c(collection.cancel),
+        told(sys.stderr) as watch,
+    ):
+        manifest = collection.run(watch)
+    if manifest is None:
+        print(f"interrupted; finished episodes are kept, go on with: {config.command}", file=sys.stderr)
+        return INTERRUPTED
+    print(json.dumps(manifest, indent=2) if as_json else summary(manifest, out))
+    return REACHED
+
+
+def evaluate(
+    domain: DomainName,
+    data: Annotated[Path, typer.Argument(help="A finished collection (see: executive collect).")],
+    problem: ProblemName = None,
+    vlm: Model = None,
+    server: Server = None,
+    translator: TranslatorName = "templates",
+    llm: LanguageModel = None,
+    instructions: Instructions = True,
+    per_image: PerImage = False,
+    calibration: CalibrationFile = None,
+    looks: Annotated[int | None, typer.Option(min=1, help="Only the first ones.")] = None,
+    paraphrases: Annotated[Path | None, typer.Option(help="A file with other wordings of the questions.")] = None,
+    rename: Annotated[bool, typer.Option("--rename/--no-rename", help="Use that file's names of objects, too.")] = True,
+    disturb: Annotated[
+        list[str] | None, typer.Option(help="Make looks harder: lights, cameras, jpeg=40; repeat it for more.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Fixes which wording and what disturbance a look gets.")] = 0,
+    beside: Annotated[
+        list[Path] | None, typer.Option(help="The folder of another evaluation, to show beside; repeat it for more.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The report's folder; in evaluations/ if not given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
+) -> int:
+    """Measure how well a model sees, on collected pictures (Experiment 1 of the paper), and write a report."""
+    from executive.eye import EyeConfig
+    from executive.lab import evaluation_report as reporting
+    from executive.lab import evaluation_store as store
+    from executive.lab.evaluate import EvalConfig, Evaluator
+    from executive.lab.progress import told
+    from executive.trace.console import waiting
+
+    eye = EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration)
+    config = EvalConfig(domain, data, eye, problem, looks, paraphrases, rename, tuple(disturb or ()), seed)
+    others = [store.load(folder) for folder in beside or ()]
+    with store.claimed(out or store.default_folder(config)) as folder:
+        with waiting(sys.stderr, "loading the model"):
+            evaluator = Evaluator(config, lambda line: print(f"warning: {one_line(line)}", file=sys.stderr))
+        with evaluator, ctrl_c(evaluator.cancel), told(sys.stderr, "looks") as watch:
+            evaluation = evaluator.run(watch)
+        if evaluation is None:
+            print("interrupted; nothing was written", file=sys.stderr)
+            return INTERRUPTED
+        document = reporting.write(folder, evaluation, evaluator.mistakes.sheet(), others, evaluator.published)
+    if as_json:
+        print(json.dumps({**document, "report": str(folder / reporting.REPORT)}, indent=2))
+    else:
+        print(reporting.summary(document, folder))
+    return REACHED if document["unanswered"] < document["asked"] else NOT_REACHED
+
+
+def calibrate(
+    domain: DomainName,
+    evaluations: Annotated[list[Path], typer.Argument(help="Evaluations of one model (see: executive eval).")],
+    out: Annotated[Path, typer.Option(help="The model's folder, where runs find it; or a file, for run --trust.")],
+    problem: ProblemName = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was learnt as JSON.")] = False,
+) -> None:
+    """Learn from evaluations how far a model can be trusted, for runs with it, and with --alpha."""
+    from executive.lab import calibrate as calibrating
+
+    file, trust = calibrating.calibrate(domain, evaluations, out, problem)
+    if as_json:
+        print(json.dumps({"file": str(file), "trust": json.loads(file.read_text(encoding="utf-8"))}, indent=2))
+        return
+    print(calibrating.summary(trust))
+    print(f"written to {file}")
+
+
+def train(
+    domain: DomainName,
+    out: Annotated[Path, typer.Option(help="The folder for everything; a training that was begun is gone on with.")],
+    problem: ProblemName = None,
+    recipe: Annotated[str, typer.Option(help="How large an eye, and how long: small, or smallest to try it out.")] = (
+        "small"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Fixes everything but rounding.")] = 0,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes and threads; all cores if not given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
+) -> int:
+    """Grow a vision-language model that sees this domain, from simulated pictures alone; takes a night."""
+    from executive import machine
+
+    machine.require()
+
+    from executive.lab.progress import stages
+    from executive.lab.train import TrainConfig, Training
+
+    training = Training(TrainConfig(domain, out, problem, recipe, seed, jobs))
+    with ctrl_c(training.cancel), stages(sys.stderr) as watch:
+        model = training.run(watch)
+    if model is None:
+        print(f"interrupted; everything is kept, go on with: {training.config.command}", file=sys.stderr)
+        return INTERRUPTED
+    look = shlex.join(["executive", "run", domain, "--vlm", str(model)])
+    print(json.dumps({"model": str(model), "run": look}, indent=2) if as_json else f"{model}; look through it: {look}")
+    return REACHED
