@@ -5,14 +5,14 @@ The loop holds the latest of these and nothing else that changes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from executive.attention import questions
 from executive.compare import compare, outlook, progress
 from executive.monitor.seam import Judgement, Memory
-from executive.policy import Turn
+from executive.policy import Doubts, Dropped, Settings, Turn
 from executive.types import (
     Atom,
     Belief,
@@ -128,19 +128,27 @@ class Course:
         probability = self.judgement.probability if self.judgement else {}
         return questions(self.task.atoms, matters, probability, most)
 
-    def uncertain(self, most: int) -> tuple[Atom, ...]:
-        """The atoms whose truth is least certain, those that cannot be told before all others; none for an executive
-        that does not look."""
+    def doubts(self, settings: Settings) -> Doubts:
+        """The least certain atoms, and before all those that cannot be told."""
         if self.judgement is None:
-            return ()
+            return Doubts()
         certain = self.judgement.least_certain(self.task.atoms)
-        return tuple(sorted(certain, key=lambda atom: atom in self.seen))[:most]
+        atoms = sorted(certain, key=lambda atom: atom in self.seen)[: settings.max_questions]
+        return Doubts(tuple(atoms), self.unsure(atoms, settings.sure))
 
-    def unsure(self, least: float) -> tuple[Atom, ...]:
-        """The atoms of the goal that are as it has them with a probability of less than `least`."""
+    def dropped(self, plan: Plan | None) -> Dropped:
+        """What was given up; `plan` is for the whole goal, if there is one."""
+        return Dropped(self.given_up, self.given_up_why, plan)
+
+    def unsure(self, atoms: Iterable[Atom], sure: float) -> tuple[Atom, ...]:
+        """Those of the atoms that cannot be told, or with a probability of less than `sure`."""
         probability = self.judgement.probability if self.judgement else {}
-        as_wanted = {atom: probability.get(atom, 0.5) for atom in self.goal}
-        return tuple(atom for atom, p in as_wanted.items() if (p if self.goal[atom] else 1.0 - p) < least)
+
+        def is_sure(atom: Atom) -> bool:
+            chance = probability.get(atom, 0.5)
+            return atom in self.seen and (chance if self.seen[atom] else 1.0 - chance) >= sure
+
+        return tuple(atom for atom in atoms if not is_sure(atom))
 
     def grounded(self, decision: Decision) -> Decision:
         """The decision with what is believed now of the atoms that spoke for it, and with what the skill said."""

@@ -134,8 +134,7 @@ class Executive:
         while isinstance(plan := self._ask(self.course.goal), NoPlan):
             self._emit(plan)
             answers[plan.reason] += 1
-            doubts = self.course.uncertain(self.settings.max_questions)
-            decision = policy.unplanned(plan, answers[plan.reason], doubts, self.course.seen, self.settings)
+            decision = policy.unplanned(plan, answers[plan.reason], self.course.doubts(self.settings), self.settings)
             if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
                 self.course = self._looker.again(self.course, "there is no plan", decision.evidence)
             elif decision.kind is not DecisionKind.REPLAN:
@@ -199,15 +198,13 @@ class Executive:
         if self.estimator is None:
             return self._decide(policy.finish_blind(self.course.goal))
         cause, checks = "is the goal reached?", 1
-        if not self.course.asked_all:
-            self.course = self._looker.look_at_all(self.course, cause)
+        self.course = self.course if self.course.asked_all else self._looker.look_at_all(self.course, cause)
         while True:
             self.course = course = self.course.whole_goal_seen()
             verdict = self._compare("goal", course.goal, course.seen)
-            # What was given up may have come within reach since.
             plan = self._probe(course.task.goal) if verdict.satisfied and course.given_up else None
-            unsure, given_up = course.unsure(self.settings.sure), (course.given_up, course.given_up_why, plan)
-            decision = self._decide(policy.finish(course.goal, verdict, unsure, checks, *given_up, self.settings))
+            unsure, dropped = course.unsure(course.goal, self.settings.sure), course.dropped(plan)
+            decision = self._decide(policy.finish(course.goal, verdict, unsure, checks, dropped, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision if plan is None else self._take_up(plan, course.task.goal)
             self.course, checks = self._looker.again(course, cause, decision.evidence), checks + 1
@@ -241,9 +238,9 @@ class Executive:
         return None if isinstance(plan, NoPlan) or self.course.leads_nowhere(plan) else plan
 
     def _compare(self, what: str, expected: Facts, seen: Facts) -> Verdict:
-        verdict = compare(expected, seen)
-        self._emit(Compared(what, expected, verdict, self.course.moment.observation_id))
-        return verdict
+        compared = Compared(what, expected, compare(expected, seen), self.course.moment.observation_id)
+        self._emit(compared)
+        return compared.verdict
 
     def _decide(self, decision: Decision) -> Decision:
         """Emit it with what it rests on, unless it is still open which goals it costs."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from itertools import combinations, islice
+from typing import NamedTuple
 
 from executive.types import (
     Atom,
@@ -53,7 +54,8 @@ class Settings:
     """How often it is looked after what is carried, in each transfer; more often only to confirm that it is gone."""
     precondition_wait: int = 2
     sure: float = 0.999
-    """A literal of the goal that is less probable than this is looked at once more before the goal is claimed."""
+    """A literal of the goal that is less probable than this is looked at once more before the goal is claimed, and as
+    long as anything is less sure than this no goal is given up for want of a plan, while looks are left."""
     max_goal_plans: int = 64
     """How often the planner may be asked to find out which part of the goal can be reached."""
 
@@ -93,6 +95,22 @@ class Turn:
     looks: int
     attempt: int
     failures: int
+
+
+class Doubts(NamedTuple):
+    """What a look could be about, the least certain atoms first (none for an executive that cannot look and has no
+    reason to doubt what it believes), and those of them that cannot be told, or not with `Settings.sure`."""
+
+    atoms: tuple[Atom, ...] = ()
+    unsure: tuple[Atom, ...] = ()
+
+
+class Dropped(NamedTuple):
+    """What of the goal was given up, and why; and a plan for the whole goal, if that has come within reach since."""
+
+    goals: Facts
+    why: str = ""
+    plan: Plan | None = None
 
 
 def first(atoms: Collection[Atom], known: Facts, looks: int, settings: Settings) -> Decision:
@@ -167,24 +185,23 @@ def crashed(result: SkillResult) -> Decision | None:
     return _stop(OutcomeKind.CRASHED, f"the skill for {result.step} crashed: {result.reason}")
 
 
-def unplanned(no_plan: NoPlan, times: int, doubts: Collection[Atom], seen: Facts, settings: Settings) -> Decision:
-    """The planner has no plan, for the `times`-th time in a row for this reason. `doubts` are the atoms that a look
-    could be about, the least certain first: none for an executive that cannot look and has no reason to doubt what it
-    believes. `seen` are those that the looks could tell."""
+def unplanned(no_plan: NoPlan, times: int, doubts: Doubts, settings: Settings) -> Decision:
+    """The planner has no plan, for the `times`-th time in a row for this reason."""
     detail = f": {no_plan.detail}" if no_plan.detail else ""
     reason = f"the planner answers {no_plan.reason}{detail}"
     if no_plan.reason is not NoPlanReason.UNSOLVABLE:
         if times == 1:
             return Decision(DecisionKind.REPLAN, f"{reason}; asking once more")
         return _stop(OutcomeKind.NO_PLAN, f"{reason}, {times} times")
-    if not doubts:
+    if not doubts.atoms:
         return _stop(OutcomeKind.NO_PLAN, reason)
     if times == 1:
         doubted = "looking again at what is least certain, as what is believed may be wrong"
-        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; {doubted}", tuple(doubts))
-    unknown = tuple(atom for atom in doubts if atom not in seen)
-    if unknown and times <= settings.max_looks_again:
-        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}, and it cannot tell {_listed(unknown)}", unknown)
+        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; {doubted}", doubts.atoms)
+    if doubts.unsure and times <= settings.max_looks_again:
+        return Decision(
+            DecisionKind.LOOK_AGAIN, f"{reason}, and {_listed(doubts.unsure)} could be surer", doubts.unsure
+        )
     return Decision(DecisionKind.GIVE_UP_GOAL, reason)
 
 
@@ -203,30 +220,21 @@ def given_up(cause: Decision, goal: Facts, kept: Facts, is_stuck: bool) -> Decis
 
 
 def finish(
-    goal: Facts,
-    verdict: Verdict,
-    unsure: Collection[Atom],
-    checks: int,
-    dropped: Facts,
-    why: str,
-    plan: Plan | None,
-    settings: Settings,
+    goal: Facts, verdict: Verdict, unsure: Collection[Atom], checks: int, dropped: Dropped, settings: Settings
 ) -> Decision:
     """Nothing is left to do: `verdict` holds the goal against what is seen now, for only seeing it is success, and is
-    the `checks`-th one in a row. `unsure` are its atoms that are less probable than `Settings.sure`. `dropped` was
-    given up, and `why`; `plan` reaches the whole goal after all."""
+    the `checks`-th one in a row. `unsure` are its atoms that are less probable than `Settings.sure`."""
     once_more = checks <= min(1, settings.max_looks_again)
     if verdict.satisfied and unsure and once_more:
         reason = f"the goal is seen to hold, but {_listed(sorted(unsure))} could be surer"
         return Decision(DecisionKind.LOOK_AGAIN, reason, tuple(sorted(unsure)))
-    if verdict.satisfied and not dropped:
+    if verdict.satisfied and not dropped.goals:
         return _stop(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", tuple(goal))
-    if verdict.satisfied and plan is None:
-        reason = f"what was left of the goal is seen to hold; {_literals(dropped)} was given up: {why}"
-        return _stop(OutcomeKind.PARTIAL, reason, tuple(dropped))
     if verdict.satisfied:
-        reason = f"what was left of the goal is seen to hold; there is a plan for {_literals(dropped)} now"
-        return Decision(DecisionKind.REPLAN, reason, tuple(dropped))
+        reason, named = "what was left of the goal is seen to hold", tuple(dropped.goals)
+        if dropped.plan is not None:
+            return Decision(DecisionKind.REPLAN, f"{reason}; there is a plan for {_literals(dropped.goals)} now", named)
+        return _stop(OutcomeKind.PARTIAL, f"{reason}; {_literals(dropped.goals)} was given up: {dropped.why}", named)
     wrong, unknown = tuple(sorted(verdict.violated)), tuple(sorted(verdict.unknown))
     missing = _joined(
         f"not seen as the goal has it: {_listed(wrong)}" if wrong else "",

@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from executive import policy
-from executive.policy import Settings, Turn
+from executive.policy import Doubts, Dropped, Settings, Turn
 from executive.types import (
     Atom,
     Decision,
@@ -235,8 +235,10 @@ def test_a_run_opens_with_all_that_can_be_seen() -> None:
     assert policy.first((), Facts(), 1, SETTINGS).kind is DecisionKind.CONTINUE
 
 
-def unplanned(no_plan: NoPlan, times: int, seen: Facts | None = None, doubts: tuple[Atom, ...] = (FREE,)) -> Decision:
-    return policy.unplanned(no_plan, times, doubts, Facts({FREE: True}) if seen is None else seen, SETTINGS)
+def unplanned(
+    no_plan: NoPlan, times: int, unsure: tuple[Atom, ...] = (), doubts: tuple[Atom, ...] = (FREE,)
+) -> Decision:
+    return policy.unplanned(no_plan, times, Doubts(doubts, unsure), SETTINGS)
 
 
 @pytest.mark.parametrize("reason", [NoPlanReason.TIMED_OUT, NoPlanReason.CRASHED])
@@ -257,12 +259,12 @@ def test_a_state_without_a_plan_is_doubted_before_the_goal_is() -> None:
     assert unplanned(unsolvable, 1, doubts=()).outcome is OutcomeKind.NO_PLAN, "one that cannot look has no doubts"
 
 
-def test_what_cannot_be_told_is_looked_at_as_often_as_allowed_before_a_goal_is_given_up() -> None:
+def test_what_is_not_sure_is_looked_at_as_often_as_allowed_before_a_goal_is_given_up() -> None:
     unsolvable = NoPlan(NoPlanReason.UNSOLVABLE)
     for times in range(2, SETTINGS.max_looks_again + 1):
-        decision = unplanned(unsolvable, times, seen=Facts())
+        decision = unplanned(unsolvable, times, unsure=(FREE,))
         assert (decision.kind, decision.evidence) == (DecisionKind.LOOK_AGAIN, (FREE,))
-    assert unplanned(unsolvable, SETTINGS.max_looks_again + 1, seen=Facts()).kind is DecisionKind.GIVE_UP_GOAL
+    assert unplanned(unsolvable, SETTINGS.max_looks_again + 1, unsure=(FREE,)).kind is DecisionKind.GIVE_UP_GOAL
 
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
@@ -270,7 +272,7 @@ GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
 
 def test_success_is_a_goal_that_is_seen() -> None:
     def finish(verdict: Verdict, checks: int = 1, unsure: tuple[Atom, ...] = ()) -> Decision:
-        return policy.finish(GOAL, verdict, unsure, checks, Facts(), "", None, SETTINGS)
+        return policy.finish(GOAL, verdict, unsure, checks, Dropped(Facts()), SETTINGS)
 
     one, other = sorted(GOAL)
     assert finish(Verdict(frozenset(GOAL))).outcome is OutcomeKind.GOAL_REACHED
@@ -290,10 +292,10 @@ def test_success_is_a_goal_that_is_seen() -> None:
 def test_what_was_given_up_is_tried_again_or_named() -> None:
     verdict = Verdict(frozenset({at("a", "q")}))
     kept, dropped = GOAL.only([at("a", "q")]), GOAL.only([at("b", "r")])
-    partial = policy.finish(kept, verdict, (), 1, dropped, "b is out of reach", None, SETTINGS)
+    partial = policy.finish(kept, verdict, (), 1, Dropped(dropped, "b is out of reach"), SETTINGS)
     assert partial.outcome is OutcomeKind.PARTIAL
     assert partial.reason.endswith("at(b,r) was given up: b is out of reach")
-    again = policy.finish(kept, verdict, (), 1, dropped, "", Plan((), 0.0, "", 0.0), SETTINGS)
+    again = policy.finish(kept, verdict, (), 1, Dropped(dropped, "", Plan((), 0.0, "", 0.0)), SETTINGS)
     assert again.kind is DecisionKind.REPLAN
 
 
