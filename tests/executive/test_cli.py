@@ -24,7 +24,7 @@ from executive.domain import list_domains
 from executive.errors import DomainError, InputError, MissingError
 from executive.protocols import Sink
 from executive.trace import screenshot, viewer_process
-from executive.trace.report import STAGES, Summary
+from executive.trace.report import STAGES, Looks, Summary
 from executive.types import OutcomeKind
 
 
@@ -64,10 +64,12 @@ def summary(outcome: OutcomeKind) -> Summary:
         goal_seen=outcome is OutcomeKind.GOAL_REACHED,
         goal_true=True,
         unreached=[],
+        given_up=[],
         cycles=2,
         actions=2,
         replans=0,
         looks=3,
+        looking=Looks(total=3, again=0, questions=15, moves=0, moving_seconds=0.0, glances=0),
         faults=[],
         sim_seconds=8.4,
         wall_seconds={"total": 2.0, **dict.fromkeys(STAGES, 0.3)},

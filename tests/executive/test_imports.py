@@ -26,7 +26,7 @@ def test_the_package_and_its_values_are_light() -> None:
     assert modules.isdisjoint(HEAVY)
 
 
-@pytest.mark.parametrize("module", ["belief", "compare", "policy", "loop", "faults"])
+@pytest.mark.parametrize("module", ["compare", "policy", "monitor", "loop", "faults"])
 def test_the_loop_and_its_parts_are_light(module: str) -> None:
     """They work with any planner, world, estimator and sink, so they load none."""
     assert loaded_by(f"import executive.{module}").isdisjoint(HEAVY)
