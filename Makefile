@@ -3,13 +3,14 @@ PY := .venv/bin/python
 SOURCES := executive skills tests benchmarks examples
 BENCHMARKS := $(notdir $(basename $(wildcard benchmarks/[a-z]*.py)))
 
-.PHONY: help setup run test test-slow bench lint format-check types arrows unit format clean
+.PHONY: help setup run test test-slow bench example lint format-check types arrows unit format clean
 
 help:
 	@echo "make run        set up, then sort the groceries with a dropped item on the way"
 	@echo "make test       set up, then every check: lint, format-check, types, arrows, unit"
 	@echo "make test-slow  set up, then the tests that take minutes"
 	@echo "make bench      set up, then every benchmark, printed (long; make bench BENCHMARKS=recovery for one)"
+	@echo "make example    set up, then make the run in runs/example anew"
 	@echo "make setup      the set-up alone; PYTHON=... names the interpreter"
 	@echo "make format     rewrite the sources as format-check wants them"
 	@echo "make clean      remove .venv and everything that tools leave behind (runs/ stays)"
@@ -44,6 +45,9 @@ test-slow: setup
 
 bench: setup
 	@for file in $(BENCHMARKS); do echo "== $$file"; $(PY) -m benchmarks.$$file || exit 1; done
+
+example: setup
+	$(PY) scripts/example
 
 format: setup
 	$(PY) -m ruff check --fix $(SOURCES)
