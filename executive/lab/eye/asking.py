@@ -94,6 +94,8 @@ class Asker:
         self.affirmative = (self.yes, self._true)
         self._open = [self._first(subject.said(facet)) for facet in range(len(subject.facets))]
         self._nothing = self._first(NOTHING)
+        named = {atom for _, atom in subject.facets}
+        self._apart = [index for index in range(len(subject.atoms)) if index not in named]
         self._facets = [subject.of_item(item) for item in range(len(subject.items))]
 
     def begin(self, seed: int) -> None:
@@ -155,7 +157,10 @@ class Asker:
         return _Question(self._ids(text), answer, True, None, [])
 
     def _atom(self, facts: np.ndarray[Any, np.dtype[np.bool_]]) -> int:
-        """Any atom, true ones more often than they are found by chance."""
+        """Any atom; true ones, and those that name no item, more often than they are found by chance. The latter are
+        few, and nothing but their own answers teaches what they hang on."""
+        if self._apart and self._rng.random() < 0.15:
+            return self._rng.choice(self._apart)
         if self._rng.random() < 0.25:
             true = np.flatnonzero(facts)
             if len(true):
