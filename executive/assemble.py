@@ -8,6 +8,7 @@ import json
 import re
 import shutil
 import time
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
@@ -33,6 +34,7 @@ from executive.monitoring import MonitorConfig, open_monitor
 from executive.planning import FastDownwardPlanner
 from executive.policy import Settings
 from executive.protocols import Estimator, Sink, Skill
+from executive.trace import monitors
 from executive.trace.events import EventLog
 from executive.trace.report import Collector, Summary, write_summary
 from executive.types import Facts
@@ -41,6 +43,9 @@ if TYPE_CHECKING:
     from executive.s3e.estimator import S3E
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
+
+CONFIG = "config.toml"
+"""The file in a run's folder that says what it was asked to do."""
 
 ESTIMATORS = ("oracle", "vlm", "none")
 
@@ -148,6 +153,8 @@ class Run:
             from executive.trace.viewer import RerunSink
 
             recorders.append(RerunSink(self.folder))
+        if self.monitor is not None:
+            monitors.save(self.folder, self.monitor)
         estimator, initial = _eye(self.domain, config, self.truth, seeing)
         faults = FaultInjector(injected, self.world, config.seed)
         return Executive(
@@ -258,9 +265,34 @@ def _make_folder(config: RunConfig, domain: Domain) -> Path:
             continue
         except OSError as error:
             raise InputError(f"cannot be made: {error.strerror}", file=folder) from error
-        (folder / "config.toml").write_text(_toml(config), encoding="utf-8")
+        (folder / CONFIG).write_text(_toml(config), encoding="utf-8")
         return folder
     raise InputError("there is a run of this name already; choose another with --name", file=config.runs / names[0])
+
+
+def read_config(run: Path) -> RunConfig:
+    """The configuration of a run, from its folder.
+
+    Raises:
+        InputError: there is none in it, or a damaged one.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    file = run / CONFIG
+    try:
+        said = tomllib.loads(file.read_text(encoding="utf-8"))
+        return TypeAdapter(RunConfig).validate_python(said)
+    except FileNotFoundError:
+        raise InputError("is missing: it is not known what the run was asked to do", file=file) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(first["msg"], file=file, key=".".join(map(str, first["loc"]))) from None
+    except InputError as error:
+        raise InputError(error.message, file=file, key=error.key) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is not TOML: {error}", file=file) from None
 
 
 def _toml(config: RunConfig) -> str:

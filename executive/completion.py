@@ -60,6 +60,15 @@ def estimators() -> Offer:
     return [(name, meanings.get(name, "")) for name in ESTIMATORS]
 
 
+def monitors() -> Offer:
+    meanings = {
+        "plain": "each answer alone",
+        "consistent": "the answers of one moment together",
+        "full": "and with what was seen before",
+    }
+    return list(meanings.items())
+
+
 def translators() -> Offer:
     from executive.eye import TRANSLATORS
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from executive import trust
 from executive.domain import Domain
-from executive.errors import InputError
+from executive.errors import InputError, nearest
 from executive.eye import EyeConfig
 from executive.monitor import EXACT, ActionModel, Eye, FusedMonitor, Monitor, Network, PlainMonitor, Thresholds
 from executive.mutex import find_mutexes
@@ -42,6 +43,23 @@ class MonitorConfig:
             raise InputError("is one way to say how sure is sure enough, --threshold is another", key="--alpha")
         if self.threshold is not None and self.trust is not None:
             raise InputError("goes without --threshold, which takes the eye at its word", key="--trust")
+
+
+PRESETS: Mapping[str, MonitorConfig] = MappingProxyType(
+    {"plain": MonitorConfig(threshold=0.5), "consistent": MonitorConfig(memory=False), "full": MonitorConfig()}
+)
+"""Each answer alone, as in the paper; the answers of one moment together; and with all that was seen before."""
+
+
+def preset(name: str, key: str = "--monitor") -> MonitorConfig:
+    """The monitor of that name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in PRESETS:
+        raise InputError(f"no monitor {name!r}; {nearest(name, PRESETS)}", key=key)
+    return PRESETS[name]
 
 
 def open_monitor(config: MonitorConfig, domain: Domain, eye: EyeConfig | None) -> Monitor:

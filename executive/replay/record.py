@@ -1,0 +1,122 @@
+"""What a run was told and what it decided, sorted out of its events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import NamedTuple, TypeAlias
+
+from executive.errors import InputError
+from executive.policy import Settings
+from executive.types import (
+    Belief,
+    Decision,
+    DecisionKind,
+    Dispatched,
+    Ended,
+    Event,
+    Facts,
+    Looked,
+    LookKind,
+    NoPlan,
+    OutcomeKind,
+    Plan,
+    Probed,
+    SkillResult,
+    Started,
+    Timing,
+)
+
+
+class Look(NamedTuple):
+    """What an eye answered, and what the look was."""
+
+    belief: Belief
+    looked: Looked
+
+
+class Deed(NamedTuple):
+    """An action, and what its skill said; None where the record ends before."""
+
+    order: Dispatched
+    result: SkillResult | None
+
+
+class Decided(NamedTuple):
+    """A decision, and the cycle in which it was taken."""
+
+    cycle: int
+    decision: Decision
+
+
+Part: TypeAlias = Look | Deed | Plan | NoPlan | Probed
+"""One thing that the loop was told: a look, what became of an action, an answer of the planner."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What a run was told and what it decided, in order. `told` is what a blind executive was told at the start."""
+
+    started: Started
+    settings: Settings
+    parts: tuple[Part, ...]
+    decisions: tuple[Decided, ...]
+    told: Facts
+    ended: Ended | None
+
+    @classmethod
+    def of(cls, events: Iterable[Event]) -> Record:
+        """Sort a run's events.
+
+        Raises:
+            InputError: they are no run, or what they say of its settings cannot be so.
+        """
+        started: Started | None = None
+        ended: Ended | None = None
+        parts: list[Part] = []
+        decisions: list[Decided] = []
+        last: Belief | None = None
+        told: Facts | None = None
+        answered = False  # whether what comes now is the planner's answer, and not one of before that is taken up
+        for event in events:
+            match event.payload:
+                case Started() as begun:
+                    started = begun
+                case Belief() as belief:
+                    last = belief
+                    told = told or belief.facts()
+                case Looked(kind=kind) as looked if kind is not LookKind.GUARD and last is not None:
+                    parts.append(Look(last, looked))
+                case Plan() | NoPlan() | Probed() as answer if answered:
+                    parts.append(answer)
+                case Dispatched() as order:
+                    parts.append(Deed(order, None))
+                case SkillResult() as result if parts and isinstance(deed := parts[-1], Deed):
+                    parts[-1] = deed._replace(result=result)
+                case Decision() as decision:
+                    decisions.append(Decided(event.cycle, decision))
+                case Ended() as end:
+                    ended = end
+            answered = isinstance(event.payload, Timing) and event.payload.stage == "plan"
+        if started is None:
+            raise InputError("these events are no run: none of them starts it")
+        return cls(started, _settings(started), tuple(parts), tuple(decisions), told or Facts(), ended)
+
+    @property
+    def cut(self) -> str:
+        """Why the record ends before the run came to an end of its own; nothing when it did."""
+        if self.decisions and self.decisions[-1].decision.kind is DecisionKind.STOP:
+            return ""
+        if self.ended is None:
+            return "the run was killed here, or is still going on"
+        if self.ended.outcome is OutcomeKind.INTERRUPTED:
+            return "the run was interrupted here"
+        return f"the run crashed here: {self.ended.reason}"
+
+
+def _settings(started: Started) -> Settings:
+    known = {each.name for each in fields(Settings)}
+    try:
+        return Settings(**{name: value for name, value in started.settings.items() if name in known})
+    except (TypeError, ValueError) as error:
+        raise InputError(f"these are no settings of a run: {error}") from None

@@ -1,0 +1,118 @@
+"""A run's folder, replayed: from the command line, with what is missing or damaged in it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from executive import cli
+from executive.errors import InputError
+from executive.monitoring import MonitorConfig
+from executive.replay import compare_run
+from executive.trace import monitors
+from executive.trace.events import EVENTS_FILE, EventLog
+from executive.types import Facts
+from tests.fakes import Stage, at
+
+GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
+
+
+def kept(folder: Path, events: int | None = None, **changes: object) -> Path:
+    """A run's folder: two things were carried, and one look was not sure of one of them."""
+    looks = {3: {at("a", "q"): 0.6}}
+    stage = Stage(GOAL, {"a": "p", "b": "p"}, looks=looks, **changes)  # type: ignore[arg-type]
+    stage.play()
+    log = EventLog(folder)
+    for event in stage.recorder.events[:events]:
+        log.write(event)
+    log.close()
+    monitors.save(folder, stage.monitor)
+    return folder
+
+
+def test_as_recorded_all_is_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.exit_code(["replay", str(kept(tmp_path / "run"))]) == cli.REACHED
+    assert capsys.readouterr().out.startswith("6 of 6 decisions are the same; 0.")
+
+
+def test_at_another_threshold_both_sides_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = kept(tmp_path / "run")
+    assert cli.exit_code(["replay", str(run), "--threshold", "0.7"]) == cli.NOT_REACHED
+    head, row, *_, parted, counts = capsys.readouterr().out.splitlines()
+    assert "recorded (threshold 0.5)  " in head
+    assert head.rstrip().endswith("replayed (threshold 0.7)")
+    assert "continue: as expected" in row
+    assert "look again: at(a,q) not seen as expected" in row
+    assert parted == "here the two part: it looks again (after place(a,q)), where action 3 of the run was pick(b,p)"
+    assert counts.startswith("2 of 6 decisions are the same, 1 different, 3 not come to; ")
+
+
+def test_as_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = kept(tmp_path / "run")
+    assert cli.exit_code(["replay", str(run), "--monitor", "plain", "--json"]) == cli.REACHED
+    said = json.loads(capsys.readouterr().out)
+    assert (said["agree"], said["recorded"], said["replayed"]) == (True, "threshold 0.5", "threshold 0.5")
+    assert all(each["recorded"] == each["replayed"] for each in said["decisions"])
+    assert cli.exit_code(["replay", str(run), "--threshold", "0.7", "--json"]) == cli.NOT_REACHED
+    assert json.loads(capsys.readouterr().out)["parted"] is True
+
+
+@pytest.mark.parametrize("events", range(1, 60, 7))
+def test_an_unfinished_run_is_replayed_as_far_as_it_goes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], events: int
+) -> None:
+    run = kept(tmp_path / "run", events)
+    with (run / EVENTS_FILE).open("ab") as file:
+        file.write(b'{"v": 1, "type": "Dec')  # what a kill leaves
+    assert cli.exit_code(["replay", str(run)]) == cli.REACHED
+    out = capsys.readouterr().out
+    assert out.startswith("the record ends: the run was killed here, or is still going on\n")
+    assert "different" not in out
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (lambda run: (run / EVENTS_FILE).unlink(), "no record of a run"),
+        (lambda run: (run / EVENTS_FILE).write_text(""), "these events are no run: none of them starts it"),
+        (lambda run: (run / EVENTS_FILE).write_text("\x00\x01\n"), "line 1: not a JSON object"),
+        (lambda run: (run / monitors.FILE).unlink(), "monitor.json: is missing"),
+        (lambda run: (run / monitors.FILE).write_text("[[["), "monitor.json: is damaged"),
+        (lambda run: (run / monitors.FILE).write_text('{"format": 1, "kind": "fussed"}'), "did you mean 'fused'?"),
+    ],
+)
+def test_what_is_missing_or_damaged_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], spoil: object, told: str
+) -> None:
+    assert callable(spoil)
+    spoil(run := kept(tmp_path / "run"))
+    assert cli.exit_code(["replay", str(run)]) == cli.BAD_INPUT
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert told in err
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--monitor", "plane"], "--monitor: no monitor 'plane'; did you mean 'plain'?"),
+        (["--monitor", "plain", "--threshold", "0.4"], "--monitor: names a monitor as a whole"),
+        (["--threshold", "1.4"], "--threshold: a probability from 0 to 1, not 1.4"),
+        (["--monitor", "full"], "config.toml: is missing: it is not known what the run was asked to do"),
+    ],
+)
+def test_monitors_that_cannot_be_made_are_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], told: str
+) -> None:
+    assert cli.exit_code(["replay", str(kept(tmp_path / "run")), *options]) == cli.BAD_INPUT
+    assert told in capsys.readouterr().err
+
+
+def test_a_blind_run_is_the_same_with_no_monitor_at_all(tmp_path: Path) -> None:
+    run = kept(tmp_path / "run", blind=True)
+    (run / monitors.FILE).unlink()
+    assert compare_run(run).agree
+    with pytest.raises(InputError, match="nobody looked in this run"):
+        compare_run(run, MonitorConfig(threshold=0.4))

@@ -1,0 +1,77 @@
+"""A monitor comes back as it was kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from executive.errors import InputError
+from executive.monitor import (
+    ActionModel,
+    Chances,
+    Eye,
+    FusedMonitor,
+    Monitor,
+    Network,
+    PlainMonitor,
+    Reading,
+    Thresholds,
+)
+from executive.trace import monitors
+from executive.types import SkillStatus
+from tests.executive.monitor.hands import ATOMS, GROUPS
+
+shares = st.floats(0.01, 0.49)
+readings = st.builds(Reading, shares, shares, st.floats(0, 5), st.floats(-5, 5))
+thresholds = st.tuples(st.floats(0, 0.5), st.floats(0.5, 2)).map(lambda pair: Thresholds(*pair))
+actions = st.builds(
+    ActionModel,
+    st.dictionaries(
+        st.tuples(st.sampled_from(["pick", "place"]), st.sampled_from(SkillStatus)),
+        st.tuples(*[st.integers(0, 99)] * 3).map(lambda counts: Chances(*counts)),
+        max_size=3,
+    ),
+    shares,
+)
+fused = st.builds(
+    FusedMonitor,
+    st.sampled_from([Network(ATOMS, GROUPS), Network(ATOMS)]),
+    st.builds(Eye, st.dictionaries(st.sampled_from(["at", "held"]), readings), readings, shares),
+    st.none() | actions,
+    st.dictionaries(st.sampled_from(["at", "held", "free"]), thresholds),
+)
+plain = st.builds(PlainMonitor, st.just(ATOMS), thresholds)
+
+
+@settings(max_examples=40, deadline=None)
+@given(monitor=plain | fused)
+def test_a_monitor_comes_back_as_it_was(tmp_path_factory: pytest.TempPathFactory, monitor: Monitor) -> None:
+    folder = tmp_path_factory.mktemp("run")
+    monitors.save(folder, monitor)
+    again = monitors.load(folder, ATOMS)
+    assert monitors.described(again) == monitors.described(monitor)
+    if isinstance(monitor, PlainMonitor):
+        assert again == monitor
+        return
+    assert isinstance(monitor, FusedMonitor)
+    assert isinstance(again, FusedMonitor)
+    assert (again.network.atoms, again.network.groups) == (monitor.network.atoms, monitor.network.groups)
+    assert (again.eye, again.thresholds) == (monitor.eye, monitor.thresholds)
+    assert again.actions == monitor.actions
+
+
+def test_a_monitor_of_ones_own_is_not_kept(tmp_path: Path) -> None:
+    class Own:
+        """Hands on to another one."""
+
+        def __init__(self) -> None:
+            inner = PlainMonitor(ATOMS)
+            self.begin, self.acted, self.looked = inner.begin, inner.acted, inner.looked
+
+    assert monitors.save(tmp_path, Own()) is None
+    assert monitors.described(Own()) == "Own"
+    with pytest.raises(InputError, match="is missing"):
+        monitors.load(tmp_path, ATOMS)
