@@ -8,6 +8,7 @@ Everything heavy is imported inside the command that needs it, so that `executiv
 
 from executive.cli.frame import BAD_INPUT, BUG, INTERRUPTED, NOT_REACHED, REACHED, Settings, app, exit_code, main
 from executive.cli.house import doctor, domains, new
+from executive.cli.replaying import replay
 from executive.cli.running import explain, inspect, run
 from executive.cli.seeing import calibrate, collect, estimate, evaluate, train
 
@@ -21,6 +22,7 @@ app.command("eval")(evaluate)
 app.command()(calibrate)
 app.command()(train)
 app.command()(explain)
+app.command()(replay)
 app.command()(inspect)
 app.command()(domains)
 app.command()(new)

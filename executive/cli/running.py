@@ -130,7 +130,7 @@ def explain(
     from executive.trace.explain import explain as told
     from executive.trace.explain import print_lines
 
-    folder = _run_folder(run)
+    folder = run_folder(run)
     lines = told(read_events(folder, images=False), cycle)
     if as_json:
         print(json.dumps({"run": str(folder), "lines": lines}, indent=2))
@@ -157,7 +157,7 @@ def inspect(
         raise InputError("goes with --png; the viewer itself has a time line", key="--at")
     if web and png is not None:
         raise InputError("is one way to look, --png is another", key="--web")
-    folder = _run_folder(run)
+    folder = run_folder(run)
 
     def tell(address: str) -> None:
         document = {"run": str(folder), "address": address}
@@ -177,7 +177,7 @@ def inspect(
         print(json.dumps({"run": str(folder), "png": str(png), "warnings": complaints}))
 
 
-def _run_folder(run: str, runs: Path = Path("runs")) -> Path:
+def run_folder(run: str, runs: Path = Path("runs")) -> Path:
     """The folder of a run, given that folder or its name in `runs`."""
     for folder in (Path(run), runs / run):
         if folder.exists():
