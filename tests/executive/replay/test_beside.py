@@ -16,6 +16,7 @@ from executive.trace.events import EVENTS_FILE, EventLog
 from executive.types import Facts
 from tests.fakes import Stage, at
 
+ROOT = Path(__file__).parents[3]
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
 
 
@@ -30,6 +31,13 @@ def kept(folder: Path, events: int | None = None, **changes: object) -> Path:
     log.close()
     monitors.save(folder, stage.monitor)
     return folder
+
+
+@pytest.mark.parametrize("wanted", [None, MonitorConfig(threshold=0.5)])
+def test_the_run_that_comes_along_is_decided_again_as_it_was(wanted: MonitorConfig | None) -> None:
+    comparison = compare_run(ROOT / "runs" / "example", wanted)
+    assert comparison.names[0] == "consistency and memory"
+    assert [row.same for row in comparison.rows] == [True] * 8
 
 
 def test_as_recorded_all_is_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
