@@ -1,4 +1,5 @@
-"""From evaluations of an eye to the file that says how far it can be trusted (`executive.trust`)."""
+"""From evaluations of an eye to the files beside it: one that corrects its probabilities (`executive.s3e.calibration`)
+and one that says how far it can be trusted (`executive.trust`)."""
 
 from __future__ import annotations
 
@@ -13,16 +14,21 @@ from executive.lab import evaluation_store
 from executive.monitor.conformal import Conformal
 from executive.monitor.groups import Network
 from executive.mutex import find_mutexes
+from executive.s3e import calibration
 from executive.trust import Trust, fit, save
-from executive.types import Atom
+from executive.types import Atom, Belief
 
 ALPHAS = (0.2, 0.1, 0.05, 0.01)
 """The error rates that the summary shows."""
 
 
 def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | None = None) -> tuple[Path, Trust]:
-    """Learn from the looks of some evaluations of one eye, write the file into `out` (a model's folder, or a file), and
-    say where it is.
+    """Learn from the looks of some evaluations of one eye, write what was learned into `out` (a model's folder, or a
+    file for the trust alone), and say where the trust is.
+
+    Into a folder, evaluations of probabilities that nothing corrected write a correction, too, and trust is learned of
+    corrected probabilities, as a run gets them. The two halves of the looks are not mixed up by that: a correction is
+    two numbers a predicate, learned from thousands.
 
     Raises:
         DomainError: the domain has a mistake.
@@ -32,14 +38,20 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
     loaded = load_domain(domain, problem)
     looks: list[tuple[Mapping[Atom, float], Mapping[Atom, bool]]] = []
     models: set[str] = set()
+    corrected: set[bool] = set()
     for folder in folders:
         evaluation = evaluation_store.load(folder)
         answers = evaluation.answers
         if odd := set(answers.atoms) ^ set(loaded.task.atoms):
             raise InputError(f"is about other atoms than {loaded.task.problem!r} ({min(odd)})", file=folder)
         models.add(str(evaluation.about.get("model")))
+        corrected.add(bool(evaluation.about.get("calibrated")))
         if len(models) > 1:
             raise InputError(f"is of another model than those before it ({', '.join(sorted(models))})", file=folder)
+        if len(corrected) > 1:
+            raise InputError(
+                "was made with a correction of probabilities, and others without, or the opposite", file=folder
+            )
         for probability, truth in zip(answers.probability, answers.truth, strict=True):
             answered = {
                 atom: float(value)
@@ -47,6 +59,15 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
                 if not np.isnan(value)
             }
             looks.append((answered, dict(zip(answers.atoms, map(bool, truth), strict=True))))
+    if out.is_dir() and corrected == {False}:
+        correction = calibration.fit(
+            [(Belief(-1, probability), truth) for probability, truth in looks], model=min(models)
+        )
+        correction.save(out)
+        looks = [
+            ({atom: correction(atom, value) for atom, value in probability.items()}, truth)
+            for probability, truth in looks
+        ]
     network = Network(loaded.task.atoms, find_mutexes(loaded.parsed).groups)
     trust = fit(looks, network)
     return save(out, loaded.name, trust), trust

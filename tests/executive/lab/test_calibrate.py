@@ -12,6 +12,7 @@ from executive.domain import load_domain
 from executive.lab import evaluation_store
 from executive.lab.evaluate import Evaluation
 from executive.lab.metrics import Answers
+from executive.s3e.calibration import Calibration
 from executive.trust import FILE, load
 from executive.types import Atom
 from tests.executive.sim.stage import ROOT
@@ -52,6 +53,9 @@ def test_evaluations_make_the_file_that_runs_find_beside_the_model(
     assert f"written to {model / FILE}" in printed
     trust = load(model, "tray")
     assert trust.looks == 130
+    correction = Calibration.load(model)
+    assert correction.model == "eye"
+    assert set(correction.predicates) == set(trust.eye.readings)
     assert set(trust.eye.readings) == set(trust.conformal.scores) == {"resting-on", "holding", "hand-free"}
     for scores in trust.conformal.scores.values():
         assert len(scores) == 65
@@ -75,3 +79,15 @@ def test_what_is_no_evaluation_of_this_eye_and_task_is_refused(
         assert words in error
         assert str(folder) in error
     assert not (tmp_path / "trust.json").exists()
+
+
+def test_corrected_probabilities_are_not_corrected_again(tmp_path: Path) -> None:
+    model = tmp_path / "model"
+    model.mkdir()
+    done = evaluation(tmp_path / "a", 60, 1)
+    about = done / evaluation_store.RESULTS
+    about.write_text(about.read_text().replace('"model": "eye"', '"model": "eye", "calibrated": true'))
+    assert exit_code(["calibrate", str(TRAY), str(done), "--out", str(model)]) == 0
+    assert [file.name for file in model.iterdir()] == [FILE]
+    other = evaluation(tmp_path / "b", 60, 2)
+    assert exit_code(["calibrate", str(TRAY), str(done), str(other), "--out", str(model)]) == BAD_INPUT
