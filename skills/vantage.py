@@ -45,6 +45,19 @@ def aside(step: Step, context: SkillContext) -> SkillResult:
     return perform(step, context, _aside)
 
 
+def sights(attempt: Attempt) -> FloatArray:
+    """What is to be seen, as points (N, 3) over the tables in question."""
+    tables = attempt.handle.tables
+    wanted = [tables[name] for name in attempt.step.args if name in tables] or list(tables.values())
+    points = []
+    for table in wanted:
+        turn = np.array([[np.cos(table.yaw), -np.sin(table.yaw)], [np.sin(table.yaw), np.cos(table.yaw)]])
+        for x, y, z in product(_ACROSS, _ACROSS, _ABOVE):
+            flat = turn @ (np.array([x, y]) * np.array(table.size[:2]))
+            points.append(np.array(table.centre) + np.array([*flat, z]))
+    return np.array(points)
+
+
 def _home(attempt: Attempt) -> None:
     if float(np.abs(attempt.body.joints() - attempt.handle.limits.home).max()) > _THERE:
         go_home(attempt)
@@ -53,7 +66,7 @@ def _home(attempt: Attempt) -> None:
 def _aside(attempt: Attempt) -> None:
     held, here = attempt.held(), attempt.body.joints()
     attempt.look_around(held)
-    eyes, points = np.stack(list(attempt.handle.eyes.values())), _sights(attempt)
+    eyes, points = np.stack(list(attempt.handle.eyes.values())), sights(attempt)
     hidden = attempt.arm.collision.hides(here, eyes, points)
     if not hidden:
         return
@@ -71,19 +84,6 @@ def _aside(attempt: Attempt) -> None:
         attempt.move("aside", path, planned=True)
     else:
         attempt.move("transfer", path, speed=CARRYING, planned=True)
-
-
-def _sights(attempt: Attempt) -> FloatArray:
-    """What is to be seen, as points (N, 3) over the tables in question."""
-    tables = attempt.handle.tables
-    wanted = [tables[name] for name in attempt.step.args if name in tables] or list(tables.values())
-    points = []
-    for table in wanted:
-        turn = np.array([[np.cos(table.yaw), -np.sin(table.yaw)], [np.sin(table.yaw), np.cos(table.yaw)]])
-        for x, y, z in product(_ACROSS, _ACROSS, _ABOVE):
-            flat = turn @ (np.array([x, y]) * np.array(table.size[:2]))
-            points.append(np.array(table.centre) + np.array([*flat, z]))
-    return np.array(points)
 
 
 def _near(attempt: Attempt, here: FloatArray) -> list[FloatArray]:
