@@ -7,7 +7,7 @@ Everything heavy is imported inside the command that needs it, so that `executiv
 """
 
 from executive.cli.frame import BAD_INPUT, BUG, INTERRUPTED, NOT_REACHED, REACHED, Settings, app, exit_code, main
-from executive.cli.house import doctor, domains, new
+from executive.cli.house import doctor, domains, faults, new
 from executive.cli.replaying import replay
 from executive.cli.running import explain, inspect, run
 from executive.cli.seeing import calibrate, collect, estimate, evaluate, train
@@ -25,5 +25,6 @@ app.command()(explain)
 app.command()(replay)
 app.command()(inspect)
 app.command()(domains)
+app.command()(faults)
 app.command()(new)
 app.command()(doctor)

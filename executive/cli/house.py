@@ -1,4 +1,4 @@
-"""What is there: domains that come along, a new one, and the machine."""
+"""What is there: domains that come along, a new one, what can be broken, and the machine."""
 
 from __future__ import annotations
 
@@ -53,6 +53,39 @@ def new(
     print(f"made {made.folder}, {len(made.files)} files that explain themselves; now try")
     for command in made.commands:
         print(f"    {command}")
+
+
+def faults(
+    as_json: Annotated[bool, typer.Option("--json", help="Print them as JSON.")] = False,
+) -> None:
+    """List what can be broken on purpose, and how it is written (for: executive run --fault, --faults)."""
+    from executive.faults import KINDS
+
+    if as_json:
+        listed = [
+            {
+                "kind": name,
+                "example": kind.example,
+                "description": kind.description,
+                "moment": kind.moment,
+                "ways": dict(kind.ways),
+                "default": kind.way or None,
+                "arguments": dict(kind.keys),
+                "lasting": kind.lasting,
+            }
+            for name, kind in KINDS.items()
+        ]
+        print(json.dumps(listed, indent=2))
+        return
+    print("KIND[:ARGUMENT,...]@N (in the N-th action), @N-M or @N-, or KIND:p=0.3 (with this chance in each action)")
+    for name, kind in KINDS.items():
+        print(f"\n{kind.example:<38} {kind.description}")
+        print(f"    {'':<34} {kind.moment}")
+        for way, meaning in kind.ways.items():
+            written = f"{name}:NAME={way}" if name == "camera" else f"{name}:{way}"
+            print(f"    {written:<34} {meaning}{' (if nothing is said)' if way == kind.way else ''}")
+        for key, meaning in kind.keys.items():
+            print(f"    {f'{key}=':<34} {meaning}")
 
 
 def doctor(

@@ -56,7 +56,11 @@ def run(
     memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Weigh looks with what was seen before.")] = True,
     trust: Annotated[Path | None, typer.Option(help="A file that says how often the model errs.")] = None,
     fault: Annotated[
-        list[str] | None, typer.Option(help="Break something: drop@4, drop:p=0.3, miss@3, shove@3.")
+        list[str] | None,
+        typer.Option(help="Break something: drop@4, shove:p=0.3 (see: executive faults); repeat it for more."),
+    ] = None,
+    faults: Annotated[
+        Path | None, typer.Option(help="A TOML file with a list of faults, such as faults = [...].")
     ] = None,
     home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
     grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.0,
@@ -75,19 +79,20 @@ def run(
 
     from executive import assemble
     from executive.eye import EyeConfig
-    from executive.faults import parse_fault
+    from executive.faults import parse_fault, read_faults
     from executive.monitoring import MonitorConfig
     from executive.trace.console import waiting
     from executive.trace.report import print_summary
     from executive.trace.terminal import TerminalSink
 
+    broken = (*(fault or ()), *(read_faults(faults) if faults is not None else ()))
     looking = estimator == "vlm" or vlm is not None or server is not None
     config = assemble.RunConfig(
         domain=domain,
         problem=problem,
         seed=seed,
         estimator=estimator,
-        faults=tuple(fault or ()),
+        faults=broken,
         home_pose=home_pose,
         grasp_noise=grasp_noise,
         max_replans=max_replans,

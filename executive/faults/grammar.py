@@ -180,15 +180,15 @@ class _Reader:
         if not self._way and self._kind.ways and not self._kind.way:
             self._refuse(f"say how: {', '.join(self._kind.ways)}")
         item, other, table, camera = (given.get(key) for key in ("item", "with", "table", "camera"))
-        for name, what, valid in (
+        for named, what, valid in (
             (item, "an item", self._items),
             (other, "an item", self._items),
             (table, "a table", self._tables),
         ):
-            if name is not None and not _NAME.fullmatch(name):
-                self._refuse(f"{name!r} is no name of {what}")
-            if name is not None and valid is not None and name not in valid:
-                self._refuse(f"no {what.split()[1]} {name!r}, {nearest(name, valid)}")
+            if named is not None and not _NAME.fullmatch(named):
+                self._refuse(f"{named!r} is no name of {what}")
+            if named is not None and valid is not None and named not in valid:
+                self._refuse(f"no {what.split()[1]} {named!r}, {nearest(named, valid)}")
         if other is not None and other == item:
             self._refuse("'with' is another item")
         share, seconds, times = given.get("share"), given.get("seconds"), given.get("times")

@@ -41,7 +41,7 @@ _TIMES = {"times": "at most so often in one action"}
 
 
 def _by_someone(description: str, example: str, keys: Mapping[str, str]) -> Kind:
-    return Kind(description, "after the action, before the look", example, _BY_SOMEONE, "after", keys)
+    return Kind(description, "around an action", example, _BY_SOMEONE, "after", keys)
 
 
 KINDS: Mapping[str, Kind] = MappingProxyType(

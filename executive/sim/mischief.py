@@ -22,12 +22,17 @@ from executive.types import FloatArray
 if TYPE_CHECKING:
     from executive.sim.world import MujocoWorld
 
-BOXES = 9
-"""To block one table: three by three."""
+BOXES = 16
+"""To block one table: four by four, where nothing else stands on it."""
 
-_BOX_HEIGHT = 0.10
-_BOX_ROOM = 0.02
-"""m around a box on a table."""
+_BOX_HEIGHT = 0.16
+"""m; a hand that holds something by its top does not reach over them."""
+
+_BOX_ROOM = 0.01
+"""m by which four boxes in a row are shorter than a table, each."""
+
+_RASTER = 0.02
+"""m between the places on a table at which it is tried to put a box."""
 
 _ASIDE = 4.0
 """m from the robot to where things wait; they are 0.4 m apart."""
@@ -37,15 +42,15 @@ _SLIP_ANGLE = (0.2, 0.5)
 _SLIP_WAY = (0.002, 0.008)
 """How far, in rad about the axis from pad to pad and in m out of the hand, an item slips in the grip."""
 
-_SQUEEZED = 0.002
-"""m by which an item that slipped may at most be inside something that is not a pad."""
+_SQUEEZED = 0.004
+"""m by which an item that slipped may at most be inside what holds it, for the fingers to give way."""
 
 
 def boxes(spec: SceneSpec, blockings: int) -> tuple[ItemSpec, ...]:
     """The boxes that it takes to block a table so many times."""
     names = {item.name for item in spec.items} | {table.name for table in spec.tables}
     free = (name for number in range(1, 10**6) if (name := f"box-{number}") not in names)
-    across, along = (min(table.size[axis] for table in spec.tables) / 3 - _BOX_ROOM for axis in (0, 1))
+    across, along = (min(table.size[axis] for table in spec.tables) / 4 - _BOX_ROOM for axis in (0, 1))
     size = (max(0.02, across), max(0.02, along), _BOX_HEIGHT)
     return tuple(
         ItemSpec(name=next(free), shape="box", size=size, rgba=(0.55, 0.45, 0.35, 1.0), mass=1.0)
@@ -76,7 +81,9 @@ def disturb(world: MujocoWorld, kind: str, rng: np.random.Generator, arguments: 
     tables = [table.name for table in world.spec.tables]
     if "table" in arguments and arguments["table"] not in tables:
         raise InputError(f"no table {arguments['table']!r}; {nearest(arguments['table'], tables)}")
-    return _DEEDS[kind](world, rng, arguments)
+    done = _DEEDS[kind](world, rng, arguments)
+    mujoco.mj_forward(world.model, world.data)
+    return done
 
 
 def _drop(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
@@ -105,7 +112,7 @@ def _slip(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, 
         mujoco.mju_mulQuat(turned, turn, before[3:])
         mujoco.mju_rotVecQuat(moved, before[:3] - centre, turn)
         _place(world, item, np.array([*(centre + moved + way * out), *turned]))
-        if all(depth < _SQUEEZED for depth in _squeezed(world, item)):
+        if _squeezed(world, item) < _SQUEEZED:
             degrees = abs(math.degrees(angle))
             return f"{item} turned by {degrees:.0f} degrees and slid {1000 * way:.0f} mm in the grip"
     _place(world, item, before)
@@ -212,12 +219,11 @@ def _block(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str,
     tables = {table.name: table for table in world.spec.tables}
     table = tables[arguments.get("table") or str(rng.choice(sorted(tables)))]
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
-    waiting = [name for name in world.boxes if world.pose(name)[2] < 0.5 * _BOX_HEIGHT + 0.05]
+    waiting = [name for name in world.boxes if world.pose(name)[2] < _BOX_HEIGHT]
     put = 0
-    for row, column in product((-1, 0, 1), repeat=2):
+    for x, y in _raster(table, world.shapes[waiting[0]].half) if waiting else ():
         if put == len(waiting):
             break
-        x, y = row * table.size[0] / 3, column * table.size[1] / 3
         spot = np.array([table.centre[0] + cos * x - sin * y, table.centre[1] + sin * x + cos * y])
         box, before = waiting[put], world.pose(waiting[put])
         if _put(world, box, placement.upright(world.shapes[box], spot, table, table.yaw), table.name):
@@ -241,6 +247,15 @@ _DEEDS: Mapping[str, Callable[[MujocoWorld, np.random.Generator, Mapping[str, st
     "push": _push,
     "block": _block,
 }
+
+
+def _raster(table: TableSpec, half: FloatArray) -> list[tuple[float, float]]:
+    """Where on a table, in its own frame, something with half extents `half` can stand: every 2 cm."""
+    across, along = (
+        np.arange(-room, room + 1e-9, _RASTER)
+        for room in (0.5 * size - float(extent) for size, extent in zip(table.size[:2], half[:2], strict=True))
+    )
+    return [(float(x), float(y)) for x, y in product(across, along)]
 
 
 def _loose(world: MujocoWorld, rng: np.random.Generator, item: str | None, besides: str | None = None) -> str | None:
@@ -269,7 +284,6 @@ def _place(world: MujocoWorld, item: str, pose: FloatArray) -> None:
     world.put(item, pose)
     dof = world.model.joint(f"{item}/free").dofadr[0]
     world.data.qvel[dof : dof + 6] = 0.0
-    mujoco.mj_forward(world.model, world.data)
 
 
 def _put(world: MujocoWorld, item: str, pose: FloatArray, table: str) -> bool:
@@ -278,14 +292,12 @@ def _put(world: MujocoWorld, item: str, pose: FloatArray, table: str) -> bool:
     return world.touched_by(item) <= {table}
 
 
-def _squeezed(world: MujocoWorld, item: str) -> list[float]:
-    """How deep, in m, an item is inside whatever it touches that is no finger pad."""
-    pads = {world.model.geom(name).id for name in scene.PADS}
-    mine = world.model.body(item).id
-    depths = []
-    for contact in world.data.contact[: world.data.ncon]:
-        geoms = [int(geom) for geom in contact.geom]
-        roots = [int(world.model.body_rootid[world.model.geom_bodyid[geom]]) for geom in geoms]
-        if mine in roots and pads.isdisjoint(geoms):
-            depths.append(-float(contact.dist))
-    return depths
+def _squeezed(world: MujocoWorld, item: str) -> float:
+    """How deep, in m, an item is inside whatever it touches."""
+    world.touched_by(item)  # brings the contacts up to date
+    mine, roots = world.model.body(item).id, world.model.body_rootid
+    contacts = world.data.contact[: world.data.ncon]
+    return max(
+        (-float(c.dist) for c in contacts if mine in {int(roots[world.model.geom_bodyid[geom]]) for geom in c.geom}),
+        default=0.0,
+    )

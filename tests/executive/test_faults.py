@@ -127,6 +127,11 @@ def test_what_the_command_line_takes(spec: str, fault: Fault) -> None:
     assert parse_fault(spec) == fault
 
 
+@pytest.mark.parametrize("name", KINDS)
+def test_the_catalogues_examples_are_faults(name: str) -> None:
+    assert parse_fault(KINDS[name].example).kind == name
+
+
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
