@@ -96,16 +96,19 @@ class RunConfig:
 class Run:
     """One run, put together and ready to `execute`. A context manager that frees what it holds.
 
+    Args:
+        seeing: the eye of an estimator "vlm", where it is open already.
+
     Raises:
         DomainError: the domain folder has a mistake.
         InputError: the configuration has one, or the run's folder exists.
         MissingError: the machine lacks something.
     """
 
-    def __init__(self, config: RunConfig, sinks: Sequence[Sink] = ()) -> None:
+    def __init__(self, config: RunConfig, sinks: Sequence[Sink] = (), seeing: S3E | None = None) -> None:
         self.config = config
         self.domain = load_domain(config.domain, config.problem)
-        injected = _faults(self.domain, config)
+        injected = parse_faults(self.domain, config.faults)
         planner = FastDownwardPlanner(self.domain.parsed)
         planner.warm_up()  # unified-planning takes seconds to import; meanwhile all else is made
         eye = None
@@ -113,7 +116,8 @@ class Run:
             eye = settled(config.eye or EyeConfig(), self.domain.subject)
         self.monitor = None if config.estimator == "none" else open_monitor(config.monitor, self.domain, eye)
         # A model takes long to load and may be none: before anything that would have to be undone.
-        seeing = open_eye(eye, self.domain.subject) if eye is not None else None
+        if eye is not None and seeing is None:
+            seeing = open_eye(eye, self.domain.subject)
         self.world, self.truth = _stage(self.domain, config, injected)
         self.folder = _make_folder(config, self.domain)
         self._collector = Collector()
@@ -208,14 +212,18 @@ def load_attention(domain: Domain, world: MujocoWorld) -> Attention:
     return Attention(looking.closer, looking.carried, looking.guard)
 
 
-def _faults(domain: Domain, config: RunConfig) -> list[Fault]:
-    """What is to be broken, of what there is in this problem and its scene."""
+def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
+    """What is to be broken, of what there is in this problem and its scene.
+
+    Raises:
+        InputError: it is no such fault, or names what is not there.
+    """
     from executive.sim.spec import read_scene
 
     scene = read_scene(domain.scene)
     items = [item.name for item in scene.items if item.name in domain.task.objects]
     tables, cameras = ([thing.name for thing in things] for things in (scene.tables, scene.cameras))
-    return [parse_fault(spec, items, tables, cameras) for spec in config.faults]
+    return [parse_fault(spec, items, tables, cameras) for spec in specs]
 
 
 def _stage(domain: Domain, config: RunConfig, faults: Sequence[Fault]) -> tuple[MujocoWorld, Truth]:
