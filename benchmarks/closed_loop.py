@@ -61,7 +61,7 @@ from executive.types import (
     Step,
     Task,
 )
-from tests.fakes import FREE, WATCHED, FakeSkill, FakeWorld, ScriptedEstimator, at, held, pick, put, task
+from tests.fakes import FREE, WATCHED, FakeSkill, FakeWorld, ScriptedEstimator, at, groups, held, pick, put, task
 
 FLIPS = (0.0, 0.02, 0.05, 0.1)
 SETTINGS = ("plain threshold", "+ consistency", "+ memory", "+ looking again")
@@ -193,13 +193,6 @@ class Courier:
         if not true.issuperset(goal.true):
             return NoPlan(NoPlanReason.UNSOLVABLE)
         return Plan(tuple(steps), float(len(steps)), "courier", 0.0)
-
-
-def groups(some: Task) -> tuple[Group, ...]:
-    """What excludes what in the symbolic world: a thing is in one place, and the hand holds one thing or is free."""
-    things = sorted(name for name, kind in some.objects.items() if kind == "thing")
-    own = [Group(tuple(atom for atom in some.atoms if thing in atom.args)) for thing in things]
-    return (*own, Group((FREE, *map(held, things)), exact=True))
 
 
 def monitor(setting: str, atoms: tuple[Atom, ...], mutex: tuple[Group, ...], flips: float) -> Monitor:

@@ -136,6 +136,10 @@ class Course:
         atoms = sorted(certain, key=lambda atom: atom in self.seen)[: settings.max_questions]
         return Doubts(tuple(atoms), self.unsure(atoms, settings.sure))
 
+    def unsure_of_goal(self, sure: float) -> tuple[Atom, ...]:
+        """What the goal hangs on and is not sure; where some of it was given up, that may be anything."""
+        return self.unsure(self.task.atoms if self.given_up else self.goal, sure)
+
     def dropped(self, plan: Plan | None) -> Dropped:
         """What was given up; `plan` is for the whole goal, if there is one."""
         return Dropped(self.given_up, self.given_up_why, plan)

@@ -203,7 +203,7 @@ class Executive:
             self.course = course = self.course.whole_goal_seen()
             verdict = self._compare("goal", course.goal, course.seen)
             plan = self._probe(course.task.goal) if verdict.satisfied and course.given_up else None
-            unsure, dropped = course.unsure(course.goal, self.settings.sure), course.dropped(plan)
+            unsure, dropped = course.unsure_of_goal(self.settings.sure), course.dropped(plan)
             decision = self._decide(policy.finish(course.goal, verdict, unsure, checks, dropped, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision if plan is None else self._take_up(plan, course.task.goal)

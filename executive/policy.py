@@ -223,11 +223,13 @@ def finish(
     goal: Facts, verdict: Verdict, unsure: Collection[Atom], checks: int, dropped: Dropped, settings: Settings
 ) -> Decision:
     """Nothing is left to do: `verdict` holds the goal against what is seen now, for only seeing it is success, and is
-    the `checks`-th one in a row. `unsure` are its atoms that are less probable than `Settings.sure`."""
-    once_more = checks <= min(1, settings.max_looks_again)
-    if verdict.satisfied and unsure and once_more:
-        reason = f"the goal is seen to hold, but {_listed(sorted(unsure))} could be surer"
-        return Decision(DecisionKind.LOOK_AGAIN, reason, tuple(sorted(unsure)))
+    the `checks`-th one in a row. `unsure` are its atoms, and where some of it was given up all atoms, that cannot be
+    told with `Settings.sure`."""
+    once_more, many_more = checks <= min(1, settings.max_looks_again), checks <= settings.max_looks_again
+    # What was given up is worth more looks than what holds: it may have come within reach and not be believed yet.
+    if verdict.satisfied and unsure and (once_more or (dropped.goals and many_more)):
+        reason = f"{_listed(sorted(unsure))} could be surer"
+        return Decision(DecisionKind.LOOK_AGAIN, f"nothing is left to do, but {reason}", tuple(sorted(unsure)))
     if verdict.satisfied and not dropped.goals:
         return _stop(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", tuple(goal))
     if verdict.satisfied:
@@ -241,7 +243,7 @@ def finish(
         f"cannot tell {_listed(unknown)}" if unknown else "",
     )
     # One more look is enough to believe what is seen; what cannot be told is worth all of them.
-    if once_more or (unknown and checks <= settings.max_looks_again):
+    if once_more or (unknown and many_more):
         return Decision(DecisionKind.LOOK_AGAIN, f"nothing is left to do, but {missing}", wrong + unknown)
     if wrong:
         return Decision(DecisionKind.REPLAN, f"nothing is left to do, but {missing}", wrong)

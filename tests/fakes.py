@@ -18,8 +18,8 @@ import numpy as np
 from executive.attention import Attention
 from executive.errors import InputError, nearest
 from executive.loop import Executive
-from executive.monitor import Monitor, Thresholds
-from executive.monitor.plain import PlainMonitor
+from executive.monitor import FusedMonitor, Monitor, Network, PlainMonitor, Thresholds
+from executive.monitor.groups import Group
 from executive.policy import Settings
 from executive.protocols import FaultSource, Skill, SkillContext
 from executive.types import (
@@ -88,6 +88,13 @@ def steps_of(some: Task) -> list[Step]:
     things = [name for name, kind in some.objects.items() if kind == "thing"]
     places = [name for name, kind in some.objects.items() if kind == "place"]
     return [make(thing, place) for make in (pick, put) for thing in things for place in places]
+
+
+def groups(some: Task) -> tuple[Group, ...]:
+    """What excludes what in this domain: a thing is in one place at most, and the hand holds one thing or is free."""
+    things = sorted(name for name, kind in some.objects.items() if kind == "thing")
+    own = [Group(tuple(atom for atom in some.atoms if thing in atom.args)) for thing in things]
+    return (*own, Group((FREE, *map(held, things)), exact=True))
 
 
 class FakePlanner:
@@ -434,6 +441,11 @@ class Stage:
 
     def play(self) -> Ended:
         return self.executive().run()
+
+    def weighing(self, **parts: Any) -> Stage:
+        """The same with a monitor that weighs answers, mutex groups and memory, made of `parts`."""
+        self.monitor = FusedMonitor(Network(self.task.atoms, groups(self.task)), **parts)
+        return self
 
     @property
     def goal_true(self) -> bool:

@@ -42,7 +42,7 @@ from executive.types import (
     Step,
     Timing,
 )
-from tests.fakes import FLOOR, FakeWorld, Recorder, Stage, at, steps_of
+from tests.fakes import FLOOR, WATCHED, FakeWorld, Recorder, Stage, at, steps_of
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True, at("a", "p"): False})
 
@@ -233,11 +233,17 @@ def test_the_same_seed_tells_the_same_story(seed: int) -> None:
 @given(
     st.integers(0, 10**6),
     st.lists(st.sampled_from(["drop:p=0.3", "miss:p=0.3", "shove:p=0.2", "drop@2", "miss@1"]), max_size=4),
+    st.booleans(),
+    st.booleans(),
 )
-def test_with_patience_and_an_eye_that_errs_in_nothing_every_fault_is_made_good(seed: int, specs: list[str]) -> None:
+def test_with_patience_and_an_eye_that_errs_in_nothing_every_fault_is_made_good(
+    seed: int, specs: list[str], weighing: bool, numb: bool
+) -> None:
     endless = 10**6
     patience = Settings(seed, max_cycles=endless, max_actions=endless, max_replans=endless, max_failures=endless)
-    stage = Stage(GOAL, {"a": "p", "b": "p"}, settings=patience)
+    stage = Stage(GOAL, {"a": "p", "b": "p"}, settings=patience, attention=WATCHED)
+    stage = stage.weighing() if weighing else stage
+    stage.skill.numb = numb
     stage.faults = FaultInjector([parse_fault(spec) for spec in specs], stage.world, seed)
     ended = stage.play()
     assert (ended.outcome, ended.goal_seen, stage.goal_true) == (OutcomeKind.GOAL_REACHED, True, True)

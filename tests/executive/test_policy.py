@@ -295,6 +295,9 @@ def test_what_was_given_up_is_tried_again_or_named() -> None:
     partial = policy.finish(kept, verdict, (), 1, Dropped(dropped, "b is out of reach"), SETTINGS)
     assert partial.outcome is OutcomeKind.PARTIAL
     assert partial.reason.endswith("at(b,r) was given up: b is out of reach")
+    for checks in range(1, SETTINGS.max_looks_again + 1):
+        doubted = policy.finish(kept, verdict, (FREE,), checks, Dropped(dropped, "b is out of reach"), SETTINGS)
+        assert (doubted.kind, doubted.evidence) == (DecisionKind.LOOK_AGAIN, (FREE,))
     again = policy.finish(kept, verdict, (), 1, Dropped(dropped, "", Plan((), 0.0, "", 0.0)), SETTINGS)
     assert again.kind is DecisionKind.REPLAN
 
