@@ -138,6 +138,13 @@ class Sink(Protocol):
     def close(self) -> None: ...
 
 
+@runtime_checkable
+class Recalling(Protocol):
+    """A sink that wants to know what an earlier process of the run told, before the run goes on in this one."""
+
+    def recall(self, event: Event) -> None: ...
+
+
 class FaultSource(Protocol):
     """Breaks things on purpose, at the moments that the loop tells it of. `action` counts dispatched actions from 1."""
 

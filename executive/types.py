@@ -447,6 +447,18 @@ class Started:
 
 
 @dataclass(frozen=True, slots=True)
+class Resumed:
+    """Another process goes on with the run, which by its record had come to `actions` dispatched steps, `replans` and
+    `looks`; `wall` are the seconds that the processes before it took. The simulated world is as it was in `cycle`."""
+
+    cycle: int
+    actions: int
+    replans: int
+    looks: int
+    wall: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Dispatched:
     """A step is handed to its skill: the `action`-th one of the run (from 1), the `attempt`-th try of it."""
 
@@ -469,7 +481,8 @@ class Phase:
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """A motion about to be followed: (N, dof) configurations in rad and the (N, 3) path of the end effector in m,
-    world frame. `planner` and `planning_seconds` (wall) say where it came from."""
+    world frame. `planner` and `planning_seconds` (wall) say where it came from. `tree`, where a run asks for it, is all
+    that was searched: the (M, 2, 3) edges of the planner's tree as the end effector would go along them, in m."""
 
     configurations: FloatArray
     end_effector: FloatArray
@@ -477,6 +490,7 @@ class Motion:
     planner: str
     planning_seconds: float
     cost: float = math.nan
+    tree: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -681,6 +695,7 @@ class Ended:
 
 Payload: TypeAlias = (
     Started
+    | Resumed
     | Questions
     | Scenery
     | Observation

@@ -49,8 +49,10 @@ from executive.types import (
     Payload,
     Phase,
     Plan,
+    Probed,
     Questions,
     Remembered,
+    Resumed,
     Revised,
     Scenery,
     Sense,
@@ -299,6 +301,7 @@ _STEP = Step("pick", ("a", "p"), _FACTS, Facts({_ATOM: False}))
 
 EVERY_PAYLOAD: tuple[Payload, ...] = (
     Started("run", "things", Task("things", "fake", {"a": "thing"}, (_ATOM,), _FACTS), "none", 3, {"low": 0.5}),
+    Resumed(0, 0, 0, 0),
     Questions({_ATOM: "Is a on p?"}, "Answer yes or no.", "templates"),
     Scenery(),
     Observation(0, 0.0, {"front": np.zeros((24, 32, 3), np.uint8)}, np.zeros(6), "first look"),
@@ -316,6 +319,7 @@ EVERY_PAYLOAD: tuple[Payload, ...] = (
     ),
     NoPlan(NoPlanReason.TIMED_OUT, "after 30 s", "fake", 30.0),
     Plan((_STEP,), 1.0, "fake", 0.1),
+    Probed(_FACTS, Plan((_STEP,), 1.0, "fake", 0.1)),
     Compared("preconditions", _FACTS, Verdict(holds=frozenset({_ATOM})), 0),
     Dispatched(_STEP, 1, 1, 0),
     Phase("transfer", "to p", 2.5),

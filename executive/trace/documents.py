@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from executive.trace.look_line import Change, LookLine
 from executive.trace.story import AtomLine, Mark, Standing, StepLine, Story
-from executive.types import Decision, DecisionKind, Ended, Step
+from executive.trace.terminal_view import contradiction
+from executive.types import Atom, Contradiction, Decision, DecisionKind, Ended, LookKind, Overruled, Step
 
 MARKS = {
     Mark.PENDING: "○",
@@ -22,7 +24,11 @@ MARKS = {
 _STANDINGS = {Standing.SURPRISE: "✗", Standing.DOUBT: "?", Standing.EXPECTED: "✓"}
 _DRAWN = {*map(chr, range(0x20, 0x7F)), *map(chr, range(0xA1, 0x100)), *"\n→←↑↓•…≥≤≠", *MARKS.values()} - {"\xad"}
 _MARKDOWN = frozenset("\\`*_|<>[]#~$")
-_ROWS = 12
+_ROWS, _CHANGES = 12, 8
+_KINDS = {
+    LookKind.CLOSER: "closer: ",
+    LookKind.MOVED: "with the arm out of the way: ",
+}
 
 
 def plain(text: str) -> str:
@@ -66,11 +72,34 @@ def belief(story: Story) -> str:
     title = {"preconditions": f"before{about}", "effects": f"after{about}", "goal": "the goal"}
     lines = story.atoms()
     shown = _worth_showing(story, lines)
-    rows = [_row(line) for line in shown]
+    notes = [_note(story, line.atom) for line in shown]
+    rows = [[*_row(line), *([escaped(note)] if any(notes) else [])] for line, note in zip(shown, notes, strict=True)]
     left = len(lines) - len(shown)
     text = [f"**{escaped(title.get(compared.what, compared.what))}**, look {compared.observation_id}", ""]
-    text += _table(["", "atom", "expected", "P(true)"], rows)
+    text += _alarm(lines)
+    text += _table(["", "atom", "expected", "P(true)", *([""] if any(notes) else [])], rows)
     return "\n".join([*text, "", f"{left} more, as expected"] if left else text)
+
+
+def look(story: Story) -> str:
+    """What the last look changed in what is known, and through which cameras; while something is carried, what the
+    last glance at it showed."""
+    last, glance = story.seeing.last, story.seeing.glance
+    if last is None:
+        return ""
+    lines = [_taken(last), ""]
+    if last.changes:
+        rows = [_change(change) for change in last.changes[:_CHANGES]]
+        lines += _table(["atom", "was", "is now", "P(true)"], rows)
+        lines += ["", f"{len(last.changes) - _CHANGES} more"] if len(last.changes) > _CHANGES else []
+    else:
+        lines.append("what it shows was known before" if story.decisions else "the first look")
+    notes = [*map(_clash, last.contradictions), *map(_overruled, last.overruled)]
+    notes += [f"camera {camera} left out: {why}" for camera, why in story.seeing.blinded.items()]
+    if glance is not None and glance.id > last.id:
+        answers = ", ".join(f"{atom} {value:.2f}" for atom, value in glance.answers.items())
+        notes.append(f"glance {glance.id}, while it is carried: {answers or 'no answer'}")
+    return "\n".join([*lines, "", *(f"- {escaped(note)}" for note in notes)])
 
 
 def log_line(decision: Decision) -> str:
@@ -92,6 +121,54 @@ def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
         line for line in lines if line.standing is not Standing.EXPECTED or step is None or line.atom in step.effects
     ]
     return wanted[:_ROWS]
+
+
+def _alarm(lines: Sequence[AtomLine]) -> list[str]:
+    """What stands out at once: how many surprises there are, in red, or else doubts."""
+    for standing, kind, what in (
+        (Standing.SURPRISE, "CAUTION", "not as expected"),
+        (Standing.DOUBT, "WARNING", "cannot be told"),
+    ):
+        count = sum(line.standing is standing for line in lines)
+        if count:
+            return [f"> [!{kind}]", f"> **{count} of {len(lines)} {what}**", ""]
+    return []
+
+
+def _note(story: Story, atom: Atom) -> str:
+    """What an atom's probability rests on, where that is not the answer to a question about it alone."""
+    last, kept = story.seeing.last, story.seeing.remembered.get(atom)
+    if kept is not None:
+        return f"seen {kept.age} cycle{'s' * (kept.age != 1)} ago"
+    for wrong in last.overruled if last is not None else ():
+        if wrong.atom == atom:
+            return f"the look said {wrong.answer:.2f}"
+    return ""
+
+
+def _taken(last: LookLine) -> str:
+    """Which look it was, and what it took."""
+    cause = f", {escaped(last.cause)}" if last.cause else ""
+    how = _KINDS.get(last.kind, "") if last.kind else ""
+    asked = f"{last.questions} of {last.atoms} atoms" if last.atoms else f"{last.questions} atoms"
+    through = f" through {escaped(', '.join(last.cameras))}" if last.cameras else ""
+    return f"**look {last.id}**{cause}: {how}{asked}{through}" if last.id >= 0 else "**told, not seen**"
+
+
+def _change(change: Change) -> list[str]:
+    words = {True: "true", False: "false", None: "?"}
+    probability = "?" if change.probability is None else f"{change.probability:.2f}"
+    cells = [escaped(str(change.atom)), words[change.before], words[change.now], probability]
+    return [f"**{cell}**" for cell in cells] if change.now else cells
+
+
+def _clash(clash: Contradiction) -> str:
+    return f"answers {contradiction(clash)}"
+
+
+def _overruled(wrong: Overruled) -> str:
+    believed = "cannot be told" if wrong.believed is None else f"is taken for {'true' if wrong.believed else 'false'}"
+    return f"{wrong.atom}: the look says {wrong.answer:.2f}, with what else is known it {believed}"
 
 
 def _row(line: AtomLine) -> list[str]:

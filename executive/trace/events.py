@@ -11,6 +11,7 @@ What only pleases the eye (`Scenery`, `Frame`) is not recorded here, and of a mo
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -24,23 +25,24 @@ import numpy as np
 from executive.errors import InputError, nearest
 from executive.trace.codec import RECORDED, JsonValue, decode, encode
 from executive.trace.pictures import read_picture, to_jpeg
-from executive.types import Decision, Ended, Event, Image, Motion, Observation, Started
+from executive.types import Decision, Ended, Event, Image, Motion, Observation, Resumed, Started
 
 FORMAT = 1
 EVENTS_FILE = "events.jsonl"
 IMAGES_FOLDER = "images"
 MOTION_POINTS = 64
-_DECISIVE = (Started, Decision, Ended)
+_DECISIVE = (Started, Resumed, Decision, Ended)
 _STAMPS = {"cycle": int, "time": float, "wall": float}
 
 
 class EventLog:
     """A sink that writes a run's events into its folder, which it makes when it is missing.
 
-    Opened on a folder that has a record already, it goes on at its end, after cutting off a half-written last line.
+    Opened on a folder that has a record already, it goes on at its end, after cutting off a half-written last line. A
+    record has one writer at a time.
 
     Raises:
-        InputError: the folder cannot be written to.
+        InputError: the folder cannot be written to, or another process writes this record.
     """
 
     def __init__(self, run: Path | str) -> None:
@@ -51,6 +53,11 @@ class EventLog:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror})", file=path) from None
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # gone with the process, however that ends
+        except BlockingIOError:
+            os.close(self._file)
+            raise InputError("another process is at work on this run", file=self._run) from None
         self._size = _whole(self._file)
         os.ftruncate(self._file, self._size)
         self._closed = False

@@ -11,6 +11,7 @@ from pathlib import Path
 from executive.errors import InputError, nearest
 from executive.monitor import ActionModel, Chances, Eye, FusedMonitor, Group, Monitor, Network, PlainMonitor, Thresholds
 from executive.trace.codec import decode, encode
+from executive.trace.whole import write_whole
 from executive.types import Atom, SkillStatus
 
 FILE = "monitor.json"
@@ -46,9 +47,8 @@ def save(run: Path | str, monitor: Monitor) -> Path | None:
             kind, kept = "fused", encode(_fused(monitor))
         case _:
             return None
-    file = Path(run) / FILE
-    file.write_text(json.dumps({"format": _FORMAT, "kind": kind, **kept}, indent=1) + "\n", encoding="utf-8")
-    return file
+    text = json.dumps({"format": _FORMAT, "kind": kind, **kept}, indent=1) + "\n"
+    return write_whole(Path(run) / FILE, text.encode())
 
 
 def load(run: Path | str, atoms: Sequence[Atom]) -> Monitor:

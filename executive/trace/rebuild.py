@@ -8,8 +8,9 @@ from pathlib import Path
 
 from executive.errors import InputError
 from executive.trace.events import EVENTS_FILE, read_events
+from executive.trace.limits import recorded_thresholds
 from executive.trace.viewer_process import TRACE_FILE
-from executive.types import Ended
+from executive.types import Ended, Started
 
 
 def ensure_trace(run: Path) -> None:
@@ -21,15 +22,18 @@ def ensure_trace(run: Path) -> None:
     """
     if (run / TRACE_FILE).exists() or not (run / EVENTS_FILE).is_file():
         return
-    if not any(isinstance(event.payload, Ended) for event in read_events(run, images=False)):
+    payloads = [event.payload for event in read_events(run, images=False)]
+    if not any(isinstance(payload, Ended) for payload in payloads):
         told = f"executive explain {shlex.quote(str(run))}"
         raise InputError(f"the run goes on, or was killed before it could leave {TRACE_FILE}; see: {told}", file=run)
     from executive.trace.viewer import RerunSink
 
+    started = next((payload for payload in payloads if isinstance(payload, Started)), None)
+    limits = {} if started is None else recorded_thresholds(run, started.task)
     try:
         # Whole or not at all, and the recording goes by the run's name.
         with tempfile.TemporaryDirectory(dir=run, prefix=".trace-") as draft:
-            sink = RerunSink(Path(draft) / run.resolve().name)
+            sink = RerunSink(Path(draft) / run.resolve().name, thresholds=limits)
             for event in read_events(run):
                 sink.write(event)
             sink.close()

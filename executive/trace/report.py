@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, TextIO, TypedDict
 
 from executive.trace.events import picture_name
 from executive.trace.story import Story
+from executive.trace.whole import write_whole
 from executive.types import (
     Decision,
     DecisionKind,
@@ -129,6 +129,10 @@ class Collector:
                 for atom in evidence:
                     self._given_up.setdefault(str(atom), []).append(decision)
 
+    def recall(self, event: Event) -> None:
+        """Take in what an earlier process of this run recorded."""
+        self.write(event)
+
     def close(self) -> None:
         pass
 
@@ -194,17 +198,7 @@ def summarise(events: Iterable[Event], goal_true: bool | None = None) -> Summary
 
 def write_summary(run: Path | str, summary: Summary) -> Path:
     """Put `summary.json` into the run's folder: the whole file or, if that fails, none of it."""
-    path = Path(run) / SUMMARY_FILE
-    draft = path.with_name(f".{SUMMARY_FILE}.{os.getpid()}")
-    try:
-        with draft.open("w", encoding="utf-8") as file:
-            file.write(json.dumps(summary, indent=2) + "\n")
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
-    return path
+    return write_whole(Path(run) / SUMMARY_FILE, (json.dumps(summary, indent=2) + "\n").encode())
 
 
 def print_summary(summary: Summary, run: Path | str, stream: TextIO) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import time
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from executive.errors import InputError, nearest
 from executive.trace.viewer_process import headless_viewer, trace_file
@@ -35,7 +37,8 @@ def screenshot(
     Args:
         trace: a run's folder, or its `trace.rrd`.
         png: where the picture goes.
-        at_cycle, at_time: the moment to show, as a cycle or in seconds of the world's clock; by default the end.
+        at_cycle, at_time: the moment to show, as a cycle (its end) or in seconds of the world's clock; by default the
+            end.
         size: width and height in pixels, of the whole viewer.
         panel: draw the panel of this name alone, and as large as that.
 
@@ -53,11 +56,7 @@ def screenshot(
         settle(viewer, path)
         view = None if panel is None else _view_id(viewer, path, panel)
         _arrange(viewer, view)
-        if at_time is not None:
-            viewer.set_time("sim_time", duration=at_time, play_state="paused")
-        elif at_cycle is not None:
-            _check_cycle(viewer, path, at_cycle)
-            viewer.set_time("cycle", sequence=at_cycle, play_state="paused")
+        viewer.set_time("wall", duration=_moment(path, at_cycle, at_time), play_state="paused")
         picture = still(viewer, view)
         views = viewer.get_state().views
     Path(png).write_bytes(picture if view else _without_strip(picture))
@@ -85,11 +84,43 @@ def settle(viewer: ViewerClient, path: Path) -> None:
         time.sleep(_PAUSE)
 
 
-def _check_cycle(viewer: ViewerClient, path: Path, cycle: int) -> None:
-    for line in viewer.get_state().recordings[0].timelines:
-        first, last = line.start, line.end
-        if line.name == "cycle" and first is not None and last is not None and not first <= cycle <= last:
-            raise InputError(f"there is no cycle {cycle}; the run has cycles {first} to {last}", file=path)
+class _Stamp(NamedTuple):
+    cycle: int
+    time: float
+    wall: float
+
+
+def _moment(path: Path, cycle: int | None, seconds: float | None) -> float:
+    """The moment on the process's clock, on which no two things happen at once, that is the end of a cycle, or the last
+    one before the world's clock passes `seconds`; without either, the end.
+
+    Raises:
+        InputError: the run has no such moment.
+    """
+    stamps = list(_stamps(path))
+    if cycle is not None:
+        known = sorted({stamp.cycle for stamp in stamps})
+        stamps = [stamp for stamp in stamps if stamp.cycle == cycle]
+        if not stamps:
+            told = f"the run has cycles {known[0]} to {known[-1]}" if known else "the run has none"
+            raise InputError(f"there is no cycle {cycle}; {told}", file=path)
+    if seconds is not None:
+        stamps = [stamp for stamp in stamps if stamp.time <= seconds + 1e-6]
+    return max((stamp.wall for stamp in stamps), default=0.0)
+
+
+def _stamps(path: Path) -> Iterator[_Stamp]:
+    """When everything happened that a trace tells of."""
+    from rerun.chunk import RrdReader
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "RRD file has no footer")  # a run that was killed
+        for chunk in RrdReader(path).stream():
+            batch = chunk.to_record_batch()
+            if {"cycle", "sim_time", "wall"} <= set(batch.schema.names):
+                columns = [batch.column(name).cast("int64").to_pylist() for name in ("cycle", "sim_time", "wall")]
+                for cycle, seconds, wall in zip(*columns, strict=True):
+                    yield _Stamp(cycle, seconds / 1e9, wall / 1e9)
 
 
 def _view_id(viewer: ViewerClient, path: Path, panel: str) -> str:

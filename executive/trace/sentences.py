@@ -22,6 +22,7 @@ from executive.types import (
     NoPlan,
     Plan,
     Questions,
+    Resumed,
     SkillResult,
 )
 
@@ -160,6 +161,13 @@ def _ended(event: Event) -> str:
     return f"The end, {ended.outcome}: {told}. {seen}{missing}"
 
 
+def _resumed(event: Event) -> str:
+    resumed = event.payload
+    assert isinstance(resumed, Resumed)
+    actions = f"{resumed.actions} action{'s' * (resumed.actions != 1)}"
+    return f"The process had ended; another went on, after {actions}, with the world as it was in cycle {resumed.cycle}."
+
+
 SENTENCES: Mapping[type, Callable[[Event], str]] = {
     Plan: _plan,
     Dispatched: _dispatched,
@@ -170,6 +178,7 @@ SENTENCES: Mapping[type, Callable[[Event], str]] = {
     NoPlan: _no_plan,
     Blinded: _blinded,
     Questions: _questions,
+    Resumed: _resumed,
     Ended: _ended,
 }
 

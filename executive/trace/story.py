@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
 
+from executive.trace.look_line import Looks
 from executive.types import (
     Atom,
     Belief,
@@ -32,14 +33,16 @@ from executive.types import (
     OutcomeKind,
     Phase,
     Plan,
+    Resumed,
     SkillResult,
     Started,
     Step,
 )
 
-Remark: TypeAlias = FaultInjected | Decision | NoPlan | Contradiction | Guarded | Blinded | Moved
+Remark: TypeAlias = FaultInjected | Decision | NoPlan | Contradiction | Guarded | Blinded | Moved | Resumed
 """What is worth telling at one point of the story: a fault, that there is no plan, a decision that is not routine,
-answers that cannot all be so, a doubt about what is carried, a camera that is left out, the arm out of the way."""
+answers that cannot all be so, a doubt about what is carried, a camera that is left out, the arm out of the way, that
+another process goes on from here."""
 
 
 class Mark(StrEnum):
@@ -114,6 +117,7 @@ class Story:
     looks: int = 0
     """Those that decisions are made on; `glances` are the guard's."""
     glances: int = 0
+    seeing: Looks = field(default_factory=Looks)
     _current: StepLine | None = None
 
     @property
@@ -148,9 +152,12 @@ class Story:
     def tell(self, event: Event) -> None:
         """Take in the next event."""
         self.cycle, self.time = event.cycle, event.time
+        self.seeing.tell(event)
         match event.payload:
             case Started() as started:
                 self.started = started
+            case Resumed() as resumed:
+                self._resume(resumed)
             case Observation():
                 if self.at_work:
                     self.glances += 1
@@ -205,6 +212,13 @@ class Story:
             lines.append(AtomLine(atom, expected, self.probability.get(atom), standing))
         rank = list(Standing)
         return sorted(lines, key=lambda line: (rank.index(line.standing), not line.expected, line.atom))
+
+    def _resume(self, resumed: Resumed) -> None:
+        """What was at work when the process ended was cut off."""
+        self.ended, self.phase = None, ""
+        if self._current is not None and self._current.mark is Mark.CURRENT:
+            self._current.mark, self._current.note = Mark.FAILED, "cut off"
+        self._remark(resumed)
 
     def _replace(self, plan: Plan) -> None:
         if self.plans:

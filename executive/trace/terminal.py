@@ -14,11 +14,11 @@ from rich.text import Text
 from executive.trace.console import console_for, is_live
 from executive.trace.story import Story
 from executive.trace.terminal_view import dashboard, event_line, story_lines
-from executive.types import Decision, DecisionKind, Dispatched, Event, FaultInjected, Phase, Plan, Started
+from executive.types import Decision, DecisionKind, Dispatched, Event, FaultInjected, Phase, Plan, Resumed, Started
 
 _REFRESH = 0.1
 """Wall seconds between two pictures of the live view, unless something happens that a person waits for."""
-_AT_ONCE = (Started, Plan, Dispatched, Phase, FaultInjected)
+_AT_ONCE = (Started, Resumed, Plan, Dispatched, Phase, FaultInjected)
 
 
 class TerminalSink:
@@ -39,6 +39,10 @@ class TerminalSink:
                 self._show(event)
             except OSError:
                 self._unread = True
+
+    def recall(self, event: Event) -> None:
+        """Take in what an earlier process of this run told."""
+        self._story.tell(event)
 
     def _show(self, event: Event) -> None:
         if not self._wanted:

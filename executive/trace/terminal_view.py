@@ -26,6 +26,7 @@ from executive.types import (
     OutcomeKind,
     Plan,
     Questions,
+    Resumed,
     SkillResult,
     SkillStatus,
     Started,
@@ -102,7 +103,7 @@ def event_line(event: Event, story: Story) -> Text | None:
         case Plan():
             steps = ", ".join(spoken(step) for step in payload.steps)
             text.append(f"{_plan_title(story.plans[-1])}: {steps}")
-        case NoPlan() | FaultInjected() | Blinded() | Moved():
+        case NoPlan() | FaultInjected() | Blinded() | Moved() | Resumed():
             text = _remark(payload)
         case Guarded(held=False):
             text = _remark(payload)
@@ -251,6 +252,8 @@ def _remark(remark: Remark) -> Text:
         case Moved():
             failed = "" if remark.status is SkillStatus.DONE else f" ({remark.status})"
             text.append(f"out of the way, {remark.move}: {remark.seconds:.1f} s{failed}", "dim")
+        case Resumed(actions=actions):
+            text.append(f"resumed after {actions} action{'s' * (actions != 1)}, looking first", "cyan")
     return text
 
 

@@ -1,7 +1,8 @@
 """How the viewer is laid out: where what happens is to be seen at a glance.
 
-Three rows: the scene, the cameras' pictures and what is believed; the plan, with each replan below the last; what was
-going on when, how probable the atoms in play were, and the log.
+On the left what the world and the robot do: the scene, the cameras' pictures with what the last look changed below
+them; the plan, with each replan below the last; what was going on when. On the right what the robot makes of it: where
+the run stands, belief against expectation, how probable the atoms in play were, and the log.
 """
 
 from __future__ import annotations
@@ -16,53 +17,54 @@ from rerun.blueprint import encodings
 from executive.types import Camera, FloatArray
 
 CYCLE, SIM_TIME, WALL = "cycle", "sim_time", "wall"
-"""The timelines: cycles of the loop, the world's clock, and the process's clock, both since the run began."""
+"""The timelines: cycles of the loop, the world's clock, and the process's clock, both since the run began.
+
+The layout opens on the last one. Looking and planning take no time of a simulated world, so that on its clock all that
+a look showed and all that was decided falls on one moment."""
 
 WORLD, CAMERAS, PLAN, LOG = "world", "world/cameras", "plan", "log"
-BELIEF, STATUS, NOW, BELIEVED, PROBABILITY = "belief", "status", "now", "believed", "probability"
+BELIEF, LOOK, STATUS, NOW, BELIEVED = "belief", "look", "status", "now", "believed"
+PROBABILITY, ANSWERS, THRESHOLDS = "probability", "answers", "thresholds"
 
-GRAPH_WIDTH, GRAPH_HEIGHT = 1560.0, 200.0
+GRAPH_WIDTH, GRAPH_HEIGHT = 1150.0, 240.0
 """What the plan's panel shows, in its own units; the plan is laid out within (see `executive.trace.viewer_plan`)."""
 
 
 def blueprint(cameras: Sequence[Camera], pictures: Sequence[str]) -> rrb.Blueprint:
     """The layout for these cameras of the scene and these pictures."""
-    top: list[rrb.View | rrb.Container] = [_scene(cameras)] if cameras else []
-    shares = [34.0] if cameras else []
-    if pictures:
-        top.append(_pictures(pictures))
-        shares.append(38.0 if len(pictures) > 2 else 20.0)
-    documents = (
+    seen: list[rrb.View | rrb.Container] = [_scene(cameras)] if cameras else []
+    look = rrb.TextDocumentView(origin=LOOK, name="what the last look changed")
+    seen.append(rrb.Vertical(_pictures(pictures), look, row_shares=[66, 34]) if pictures else look)
+    world = rrb.Vertical(
+        rrb.Horizontal(*seen, column_shares=[46, 54] if cameras else [100]),
+        rrb.GraphView(
+            origin=PLAN,
+            name="plan",
+            visual_bounds=rrb.VisualBounds2D(x_range=[0, GRAPH_WIDTH], y_range=[0, GRAPH_HEIGHT]),
+        ),
+        rrb.Horizontal(
+            rrb.StateTimelineView(origin=NOW, name="what was going on"),
+            rrb.StateTimelineView(origin=BELIEVED, name="what was believed"),
+            column_shares=[50, 50],
+        ),
+        row_shares=[45, 22, 33],
+    )
+    mind = rrb.Vertical(
         rrb.TextDocumentView(origin=STATUS, name="run"),
         rrb.TextDocumentView(origin=BELIEF, name="belief against expectation"),
-    )
-    top.append(rrb.Vertical(*documents, row_shares=[42, 58]))
-    shares.append(28.0)
-    return rrb.Blueprint(
-        rrb.Vertical(
-            rrb.Horizontal(*top, column_shares=shares),
-            rrb.GraphView(
-                origin=PLAN,
-                name="plan",
-                visual_bounds=rrb.VisualBounds2D(x_range=[0, GRAPH_WIDTH], y_range=[0, GRAPH_HEIGHT]),
-            ),
-            rrb.Horizontal(
-                rrb.StateTimelineView(origin=NOW, name="what was going on"),
-                rrb.Tabs(
-                    rrb.StateTimelineView(origin=BELIEVED, name="what was believed"),
-                    rrb.TimeSeriesView(
-                        origin=PROBABILITY,
-                        name="P(true)",
-                        axis_y=rrb.ScalarAxis(range=(-0.05, 1.05)),
-                        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
-                    ),
-                ),
-                rrb.TextLogView(origin=LOG, name="decisions and faults", columns=_log_columns()),
-                column_shares=[34, 24, 42],
-            ),
-            row_shares=[46, 21, 33],
+        rrb.TimeSeriesView(
+            origin="/",
+            contents=[f"+ /{root}/**" for root in (PROBABILITY, ANSWERS, THRESHOLDS)],
+            name="P(true)",
+            axis_y=rrb.ScalarAxis(range=(-0.05, 1.05)),
+            plot_legend=rrb.PlotLegend(visible=False),
         ),
-        rrb.TimePanel(state="collapsed", timeline=SIM_TIME, play_state="following"),
+        rrb.TextLogView(origin=LOG, name="decisions and faults", columns=_log_columns()),
+        row_shares=[18, 27, 20, 35],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(world, mind, column_shares=[65, 35]),
+        rrb.TimePanel(state="collapsed", timeline=WALL, play_state="following"),
         collapse_panels=True,
         auto_layout=False,
         auto_views=False,
@@ -73,14 +75,16 @@ def _pictures(names: Sequence[str]) -> rrb.Container:
     """The first camera large, the others small beside it."""
     first, *others = [rrb.Spatial2DView(origin=f"{CAMERAS}/{name}", name=name) for name in names]
     if len(others) < 2:
-        return rrb.Vertical(first, *others)
+        return rrb.Horizontal(first, *others)
     return rrb.Horizontal(first, rrb.Grid(*others, grid_columns=1 if len(others) == 2 else 2))
 
 
 def _scene(cameras: Sequence[Camera]) -> rrb.Spatial3DView:
     eye, target = viewpoint(cameras)
+    notes = [f"- /{CAMERAS}/{camera.name}/{note}" for camera in cameras for note in ("border", "caption")]
     return rrb.Spatial3DView(
         origin=WORLD,
+        contents=["+ $origin/**", *notes],
         name="scene",
         background=rrb.Background(color=(56, 62, 72)),
         line_grid=rrb.LineGrid3D(visible=False),

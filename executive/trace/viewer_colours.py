@@ -38,3 +38,25 @@ LANES: tuple[Colour, ...] = (
     (84, 100, 150),
 )
 """For states without a meaning of their own, told apart by hue; white text is readable on all of them."""
+STAGES: dict[str, Colour] = {
+    "look": (52, 118, 160),
+    "judge": (64, 140, 130),
+    "plan": (128, 98, 170),
+    "move": (84, 100, 110),
+    "guard": (190, 130, 40),
+}
+"""What the loop does."""
+CURVES: tuple[Colour, ...] = (
+    (86, 180, 233),
+    (230, 159, 0),
+    (0, 190, 140),
+    (240, 228, 66),
+    (204, 121, 167),
+    (213, 94, 0),
+    (148, 140, 240),
+    (170, 200, 120),
+    (200, 170, 140),
+    (120, 200, 210),
+)
+"""For curves, told apart also by those who see few hues (after Okabe and Ito), brightened for the dark background."""
+CYAN: Colour = (90, 220, 235)

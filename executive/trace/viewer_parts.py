@@ -60,6 +60,13 @@ class Lane:
         self._record.log(self._entity, style, static=True)
 
 
+def stamp(record: rr.RecordingStream, event: Event) -> None:
+    """What is logged next happened at this event."""
+    record.set_time(CYCLE, sequence=event.cycle)
+    record.set_time(SIM_TIME, duration=event.time)
+    record.set_time(WALL, duration=event.wall)
+
+
 def time_columns(events: Sequence[Event]) -> list[rr.TimeColumn]:
     """The stamps of many events, for rows that are sent at once."""
     return [

@@ -12,7 +12,7 @@ from executive.trace.story import Mark, PlanLine, StepLine, Story
 from executive.trace.viewer_blueprint import GRAPH_HEIGHT, GRAPH_WIDTH
 from executive.trace.viewer_colours import COLOUR_OF, WHITE, Colour
 
-ROWS, COLUMNS = 3, 12
+ROWS, COLUMNS = 3, 10
 """How much is shown at once: the last plans, and of a longer plan the steps around the current one."""
 
 
