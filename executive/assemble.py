@@ -36,6 +36,7 @@ from executive.policy import Settings
 from executive.protocols import Estimator, Sink, Skill
 from executive.trace import monitors
 from executive.trace.events import EventLog
+from executive.trace.limits import thresholds
 from executive.trace.report import Collector, Summary, write_summary
 from executive.types import Facts
 
@@ -55,8 +56,9 @@ class RunConfig:
     """All that decides how a run goes; `config.toml` in the run's folder holds the same.
 
     `domain` is a folder or a shipped domain's name. `faults` are in the grammar of `executive.faults`. `grasp_noise`
-    is a standard deviation in m. `runs` is where the run's own folder is made, `name` what it is called. `eye` says how
-    the estimator "vlm" sees, `monitor` what is made of what is seen.
+    is a standard deviation in m. `runs` is where the run's own folder is made, `name` what it is called. `tree` has
+    the trees that motions are searched for with in the trace. `eye` says how the estimator "vlm" sees, `monitor` what
+    is made of what is seen.
     """
 
     domain: str
@@ -71,6 +73,7 @@ class RunConfig:
     runs: Path = Path("runs")
     name: str | None = None
     viewer: bool = True
+    tree: bool = False
     eye: EyeConfig | None = None
     monitor: MonitorConfig = field(default_factory=MonitorConfig)
 
@@ -98,6 +101,7 @@ class Run:
 
     Args:
         seeing: the eye of an estimator "vlm", where it is open already.
+        view: the address of a Rerun viewer that is to show the run while it goes on.
 
     Raises:
         DomainError: the domain folder has a mistake.
@@ -105,7 +109,13 @@ class Run:
         MissingError: the machine lacks something.
     """
 
-    def __init__(self, config: RunConfig, sinks: Sequence[Sink] = (), seeing: S3E | None = None) -> None:
+    def __init__(
+        self,
+        config: RunConfig,
+        sinks: Sequence[Sink] = (),
+        seeing: S3E | None = None,
+        view: str | None = None,
+    ) -> None:
         self.config = config
         self.domain = load_domain(config.domain, config.problem)
         injected = parse_faults(self.domain, config.faults)
@@ -122,7 +132,7 @@ class Run:
         self.folder = _make_folder(config, self.domain)
         self._collector = Collector()
         try:
-            self.executive = self._put_together(planner, injected, seeing, sinks)
+            self.executive = self._put_together(planner, injected, seeing, sinks, view)
         except BaseException:  # Ctrl-C, too: a run that never began leaves no folder
             shutil.rmtree(self.folder, ignore_errors=True)
             raise
@@ -149,14 +159,19 @@ class Run:
         return summary
 
     def _put_together(
-        self, planner: FastDownwardPlanner, injected: Sequence[Fault], seeing: S3E | None, sinks: Sequence[Sink]
+        self,
+        planner: FastDownwardPlanner,
+        injected: Sequence[Fault],
+        seeing: S3E | None,
+        sinks: Sequence[Sink],
+        view: str | None,
     ) -> Executive:
         config = self.config
         recorders: list[Sink] = [EventLog(self.folder), self._collector]
         if config.viewer:
             from executive.trace.viewer import RerunSink
 
-            recorders.append(RerunSink(self.folder))
+            recorders.append(RerunSink(self.folder, view, thresholds(self.monitor)))
         if self.monitor is not None:
             monitors.save(self.folder, self.monitor)
         estimator, initial = _eye(self.domain, config, self.truth, seeing)
@@ -241,6 +256,7 @@ def _stage(domain: Domain, config: RunConfig, faults: Sequence[Fault]) -> tuple[
         grasp_noise=config.grasp_noise,
         home_pose=config.home_pose,
         blockings=sum(fault.kind == "block" for fault in faults),
+        keep_trees=config.tree,
     )
     return world, Truth(world, domain.relations, task.parameters, domain.folder / "domain.toml")
 

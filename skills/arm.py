@@ -114,7 +114,7 @@ class Attempt:
         self.heed()
         self.look_around(held)
         seed = int(self.context.rng.integers(2**31))
-        found = self.arm.planner.plan(self.body.joints(), goals, seed)
+        found = self.arm.planner.plan(self.body.joints(), goals, seed, keep_tree=self.handle.keep_trees)
         self._last_plan = found
         return None if found is None else found.configurations
 
@@ -149,14 +149,16 @@ class Attempt:
         course = trajectory.timed(path, self.handle.limits, speed)
         found = self._last_plan if planned else None
         configurations = course.samples(0.05)
+        tree = None if found is None or found.tree is None else self._ways(found.tree).round(3)
         self.context.announce(
             Motion(
                 configurations,
-                np.stack([self.arm.kinematics.forward(q)[:3, 3] for q in configurations]),
+                self._ways(configurations),
                 course.seconds,
                 "line" if found is None else found.planner,
                 0.0 if found is None else found.seconds,
                 float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
+                tree,
             )
         )
         self.phase(name, seconds=course.seconds)
@@ -215,6 +217,11 @@ class Attempt:
         """
         if self.context.cancelled():
             raise SkillError(SkillStatus.CANCELLED, "cancelled")
+
+    def _ways(self, configurations: FloatArray) -> FloatArray:
+        """Where the end effector is in each of the configurations (..., 6): (..., 3) in m, world frame."""
+        points = [self.arm.kinematics.forward(q)[:3, 3] for q in configurations.reshape(-1, configurations.shape[-1])]
+        return np.reshape(points, (*configurations.shape[:-1], 3))
 
     def _felt(self) -> SkillError | None:
         if self.context.cancelled():

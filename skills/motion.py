@@ -36,13 +36,15 @@ _REFINE = 120
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
     """(N, 6) configurations in rad, joined by straight edges; their summed length; who found it in how many
-    iterations, and the wall seconds that took."""
+    iterations, and the wall seconds that took. `tree` are the (M, 2, 6) edges that were searched, where they were asked
+    for and there was a search."""
 
     configurations: FloatArray
     cost: float
     planner: str
     iterations: int
     seconds: float
+    tree: FloatArray | None = None
 
 
 class MotionPlanner:
@@ -65,10 +67,17 @@ class MotionPlanner:
         self._information.setStateValidityCheckingResolution(_EDGE / self._space.getMaximumExtent())
         self._information.setup()
 
-    def plan(self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int = 4000) -> Path | None:
+    def plan(
+        self,
+        start: FloatArray,
+        goals: Sequence[FloatArray],
+        seed: int,
+        iterations: int = 4000,
+        keep_tree: bool = False,
+    ) -> Path | None:
         """A path from `start` to the goal that is nearest by what is free; None when none is found in `iterations`.
 
-        The straight edge is tried first. The same arguments give the same path.
+        The straight edge is tried first. The same arguments give the same path, whether or not the tree is kept.
         """
         began = time.perf_counter()
         ordered = sorted(goals, key=lambda goal: float(np.linalg.norm(goal - start)))
@@ -89,17 +98,17 @@ class MotionPlanner:
             (self._limits.lower, self._limits.upper),
         ):
             self._bound(lower, upper)
-            found = self._search(start, open_goals, seed, iterations // 2)
+            found = self._search(start, open_goals, seed, iterations // 2, keep_tree)
             if found is not None:
-                path, count = found
+                path, count, tree = found
                 cost = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-                return Path(path, cost, "RRT*", count, time.perf_counter() - began)
+                return Path(path, cost, "RRT*", count, time.perf_counter() - began, tree)
         return None
 
     def _search(
-        self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int
-    ) -> tuple[FloatArray, int] | None:
-        """RRT*, then OMPL's shortcutting: the path and how many iterations it took."""
+        self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int, keep_tree: bool
+    ) -> tuple[FloatArray, int, FloatArray | None] | None:
+        """RRT*, then OMPL's shortcutting: the path, how many iterations it took, and the tree if it is wanted."""
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
         problem = ob.ProblemDefinition(self._information)
         problem.addStartState(self._state(start))
@@ -117,12 +126,22 @@ class MotionPlanner:
         planner.solve(ob.PlannerTerminationCondition(progress))
         if not problem.hasExactSolution():
             return None
+        tree = self._tree(planner, len(start)) if keep_tree else None
         found = problem.getSolutionPath()
         simplifier = og.PathSimplifier(self._information)
         simplifier.reduceVertices(found)
         simplifier.partialShortcutPath(found, 60, 30)
         states = [found.getState(index) for index in range(found.getStateCount())]
-        return np.array([[state[joint] for joint in range(len(start))] for state in states]), progress.count
+        return np.array([[state[joint] for joint in range(len(start))] for state in states]), progress.count, tree
+
+    def _tree(self, planner: og.RRTstar, dof: int) -> FloatArray:
+        """The edges (M, 2, dof) of a planner's tree, each from a vertex to one that was reached from it."""
+        data = ob.PlannerData(self._information)
+        planner.getPlannerData(data)
+        vertices = [data.getVertex(index).getState() for index in range(data.numVertices())]
+        at = np.array([[state[joint] for joint in range(dof)] for state in vertices]).reshape(-1, dof)
+        pairs = [(index, other) for index in range(len(at)) for other in data.getEdges(index)]
+        return at[np.array(pairs, dtype=int).reshape(-1, 2)]
 
     def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
         """Whether the straight edge touches nothing, its ends included."""

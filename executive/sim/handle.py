@@ -45,6 +45,8 @@ class Handle:
     home_pose: bool
     """Whether an action ends at the home pose (the paper's "Pose") or where it happened to be done."""
     body: Body
+    keep_trees: bool = False
+    """Whether a motion is to be told with the tree that was searched for it, for the people who watch."""
 
 
 class Body(Protocol):

@@ -46,6 +46,7 @@ class MujocoWorld:
         grasp_noise: standard deviation in m of the horizontal error with which a grasped item's pose is known.
         home_pose: whether skills end at the home pose.
         blockings: how often a table is going to be blocked; that many times the boxes for it wait out of sight.
+        keep_trees: whether skills tell the trees that they search for motions.
 
     Raises:
         DomainError: the scene file is wrong, an object has no body, or the items find no place.
@@ -61,6 +62,7 @@ class MujocoWorld:
         grasp_noise: float = 0.0,
         home_pose: bool = True,
         blockings: int = 0,
+        keep_trees: bool = False,
     ) -> None:
         spec = read_scene(file).restricted_to(objects, file)
         self.items = tuple(item.name for item in spec.items)
@@ -103,6 +105,7 @@ class MujocoWorld:
             control_period=self._steps * self.model.opt.timestep,
             home_pose=home_pose,
             body=weakref.proxy(self),
+            keep_trees=keep_trees,
         )
 
     # The World seam.

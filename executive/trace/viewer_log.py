@@ -1,0 +1,91 @@
+"""The log in the viewer: a line for each fault, each decision, and all else that did not go by itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from executive.trace import documents
+from executive.trace.story import Story
+from executive.trace.terminal_view import contradiction
+from executive.trace.viewer_colours import AMBER, BLUE, GREEN, GREY, PURPLE, RED, WHITE, Colour
+from executive.types import (
+    Blinded,
+    Decision,
+    DecisionKind,
+    Ended,
+    FaultInjected,
+    Guarded,
+    Judged,
+    Looked,
+    LookKind,
+    Moved,
+    NoPlan,
+    OutcomeKind,
+    Overruled,
+    Payload,
+    Plan,
+    Questions,
+    Revised,
+    SkillResult,
+)
+
+_LITERALS = 4
+"""How many changed facts a line lists before it counts the rest."""
+
+
+class LogLine(NamedTuple):
+    text: str
+    level: str
+    colour: Colour
+
+
+def log_lines(payload: Payload, story: Story) -> list[LogLine]:
+    """What the log says of an event; `story` has been told of it."""
+    match payload:
+        case Questions(warnings=warnings):
+            return [LogLine(warning, "QUESTION", AMBER) for warning in warnings]
+        case Looked(kind=LookKind.CLOSER | LookKind.MOVED) as look:
+            through = f" through {', '.join(look.cameras)}" if look.cameras else ""
+            return [LogLine(f"look {look.observation_id}, {look.kind}: {look.questions} atoms{through}", "LOOK", BLUE)]
+        case Judged(contradictions=clashes, overruled=overruled):
+            told = [LogLine(f"answers {contradiction(clash)}", "LOOK", AMBER) for clash in clashes]
+            return told + [LogLine(_overruled(wrong), "LOOK", AMBER) for wrong in overruled]
+        case Blinded(camera=camera, reason=reason):
+            return [LogLine(f"camera {camera} is left out: {reason}", "LOOK", RED)]
+        case Guarded(held=held) as guarded if held is not True:
+            said = "cannot be told" if held is None else "is seen no longer"
+            lost = ", again: the skill is told" if guarded.lost else ""
+            return [LogLine(f"{guarded.atom} {said} (look {guarded.observation_id}){lost}", "GUARD", AMBER)]
+        case Moved() as moved:
+            reason = f", {moved.reason}" if moved.reason else ""
+            return [LogLine(f"out of the way, {moved.move}: {moved.status}{reason}", "MOVE", BLUE)]
+        case Plan(steps=steps):
+            return [LogLine(f"plan {len(story.plans)}: {len(steps)} steps", "PLAN", WHITE)]
+        case NoPlan(reason=reason, detail=detail):
+            return [LogLine(f"no plan: {reason} {detail}", "PLAN", RED)]
+        case FaultInjected(spec=spec, detail=detail):
+            return [LogLine(f"{spec}: {detail}", "FAULT", PURPLE)]
+        case SkillResult() as result if not result.done:
+            return [LogLine(f"{result.step}: {result.status}, {result.reason}", "SKILL", RED)]
+        case Revised(changed=changed) if changed:
+            literals = changed.literals()
+            more = f" and {len(literals) - _LITERALS} more" if len(literals) > _LITERALS else ""
+            return [LogLine(f"now {', '.join(literals[:_LITERALS])}{more}", "FACTS", WHITE)]
+        case Decision() as decision:
+            return [LogLine(documents.log_line(decision), "DECISION", _colour(decision))]
+        case Ended() as ended:
+            return [LogLine(f"{ended.outcome}: {ended.reason}", "END", GREEN if ended.goal_seen else RED)]
+    return []
+
+
+def _overruled(wrong: Overruled) -> str:
+    believed = "cannot be told" if wrong.believed is None else f"taken for {'true' if wrong.believed else 'false'}"
+    return f"{wrong.atom}: seen {'true' if wrong.answered else 'false'} ({wrong.answer:.2f}), {believed}"
+
+
+def _colour(decision: Decision) -> Colour:
+    if documents.is_routine(decision):
+        return GREY
+    if decision.kind is not DecisionKind.STOP:
+        return AMBER
+    return GREEN if decision.outcome is OutcomeKind.GOAL_REACHED else RED
