@@ -1,0 +1,153 @@
+"""Every command in README is carried out, block by block, in a folder that has what the block needs.
+
+What takes hours is done with less: `INSTEAD` says what is typed in place of what is written. A command that comes into
+README and is too much for a test needs a line there.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+from executive import cli
+from tests.docs.following import ROOT, Block, Follower, blocks
+from tests.executive.s3e.chat_server import serving
+from tests.executive.s3e.checkpoints import build
+from tests.executive.s3e.on_server import honest
+from tests.executive.s3e.videos import greys, write_video
+
+INSTEAD = {
+    "runs/<id>": "runs/example",
+    "--points 2000": "--points 2",
+    "http://127.0.0.1:8000/v1": "SERVER",
+}
+CODES = (
+    (r"inspect \S+$", {3}),  # there is no screen here, and it says so
+    (r"--estimator none", {1}),  # nobody looks
+    (r"FOLDER|SERVER", {0, 1}),  # as a model that knows nothing sees it
+    (r"", {0}),
+)
+"""How a command ends: the first that is found in it."""
+
+IN_A_SHELL = re.compile(r"--web|--install-completion|^make |^\. ")
+"""What waits, changes the shell, or sets up this very folder; these have tests of their own."""
+
+
+def lines(block: Block) -> list[str]:
+    return [line.split(" #")[0].strip() for line in block.text.splitlines() if line.strip()]
+
+
+COMMANDS = [block for block in blocks(ROOT / "README.md") if block.language == "sh" and "executive " in block.text]
+
+
+@pytest.fixture
+def server() -> Iterator[str]:
+    with serving(honest) as there:
+        yield there.url
+
+
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """Tiny models are quicker on one thread than on several that wait for each other."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder like a clone's, with pictures and a model that knows nothing in it, and no screen."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    (tmp_path / "domains").symlink_to(ROOT / "domains")
+    shutil.copytree(ROOT / "runs" / "example", tmp_path / "runs" / "example")
+    for seed, name in enumerate(("a.png", "b.png")):
+        pixels = np.random.default_rng(seed).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+        Picture.fromarray(pixels).save(tmp_path / name)
+    return tmp_path
+
+
+def prepare(folder: Path, text: str) -> None:
+    """What only some blocks need."""
+    if "FOLDER" in text:
+        build("fastvlm", folder / "FOLDER", answering=8.0)
+    if "clip.mp4" in text:
+        write_video(folder / "clip.mp4", greys(6))
+    if (" data " in text and "collect" not in text) or "evaluations/" in text:
+        assert cli.exit_code(shlex.split("collect grocery --points 2 --seed 7 --out data --jobs 1")) == 0
+    if "evaluations/" in text and " data " not in text:
+        assert cli.exit_code(shlex.split("eval grocery data --vlm FOLDER")) == 0
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("block", COMMANDS, ids=str)
+def test_a_block_of_commands(
+    block: Block, workplace: Path, server: str, one_thread: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prepare(workplace, block.text)
+    for line in lines(block):
+        if IN_A_SHELL.search(line):
+            continue
+        for written, typed in INSTEAD.items():
+            line = line.replace(written, typed)
+        codes = next(codes for pattern, codes in CODES if re.search(pattern, line))
+        made = sorted((workplace / "evaluations").glob("*/"))
+        arguments = shlex.split(line.replace("evaluations/<id>", str(made[-1]) if made else ""))
+        assert arguments.pop(0) == "executive"
+        code = cli.exit_code([argument.replace("SERVER", server) for argument in arguments])
+        out, err = capsys.readouterr()
+        assert code in codes, f"{line}\n{out}\n{err}"
+
+
+def test_make_run_is_the_first_command() -> None:
+    first = next(line for block in COMMANDS for line in lines(block) if line.startswith("executive run "))
+    assert f"run: setup\n\t.venv/bin/{first}\n" in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def test_the_browser_gets_its_page(workplace: Path) -> None:
+    assert any("inspect runs/<id> --web" in block.text for block in COMMANDS)
+    command = [sys.executable, "-m", "executive", "inspect", "runs/example", "--web"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().split()[0]
+            page = _fetched(address.partition("?")[0])
+        finally:
+            process.send_signal(signal.SIGINT)
+    assert process.returncode == 0
+    assert b"<html" in page.lower()
+
+
+def _fetched(address: str) -> bytes:
+    """The page, once the server is there."""
+    assert address.startswith("http://127.0.0.1:")
+    for _ in range(200):
+        try:
+            with urllib.request.urlopen(address, timeout=10) as answer:
+                return bytes(answer.read())
+        except OSError:
+            subprocess.run(["sleep", "0.3"], check=True)
+    raise AssertionError(f"nobody answers at {address}")
+
+
+def test_completion_is_installed_for_the_shell(tmp_path: Path) -> None:
+    assert any("executive --install-completion" in block.text for block in COMMANDS)
+    reader = Follower(tmp_path)
+    assert "completion installed" in reader.type("bash -c 'executive --install-completion; true'\n")
+    assert "executive" in (tmp_path / ".bash_completions" / "executive.sh").read_text()
+    assert ".bash_completions/executive.sh" in (tmp_path / ".bashrc").read_text()
