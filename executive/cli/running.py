@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -71,6 +72,8 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary on stdout, all else on stderr.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors, and --json.")] = False,
     viewer: Annotated[bool, typer.Option("--trace-viewer/--no-trace-viewer", help="Write trace.rrd, too.")] = True,
+    view: Annotated[bool, typer.Option("--view", help="Watch it in the Rerun viewer while it goes on.")] = False,
+    tree: Annotated[bool, typer.Option("--tree", help="Have the trees that motions are searched with shown.")] = False,
 ) -> int:
     """Reach a problem's goal in the simulator, and write down all that happens."""
     from executive import machine
@@ -84,7 +87,10 @@ def run(
     from executive.trace.console import waiting
     from executive.trace.report import print_summary
     from executive.trace.terminal import TerminalSink
+    from executive.trace.viewer_process import open_window
 
+    if view and not viewer:
+        raise InputError("shows what the trace holds; it does not go with --no-trace-viewer", key="--view")
     broken = (*(fault or ()), *(read_faults(faults) if faults is not None else ()))
     looking = estimator == "vlm" or vlm is not None or server is not None
     config = assemble.RunConfig(
@@ -100,12 +106,14 @@ def run(
         runs=runs,
         name=name,
         viewer=viewer,
+        tree=tree,
         eye=EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration) if looking else None,
         monitor=MonitorConfig(alpha, threshold, memory, trust),
     )
     stream = sys.stderr if as_json else sys.stdout
     with nullcontext() if quiet else waiting(stream, "loading planner and simulator"):
-        prepared = assemble.Run(config, [] if quiet else [TerminalSink(stream)])
+        window = open_window() if view else None
+        prepared = assemble.Run(config, [] if quiet else [TerminalSink(stream)], view=window)
     with prepared, ctrl_c(prepared.cancel):
         summary = prepared.execute()
     struck = {each["spec"] for each in summary["faults"]}
@@ -148,8 +156,10 @@ def inspect(
     web: Annotated[bool, typer.Option("--web", help="In a browser on this machine, instead of a window.")] = False,
     png: Annotated[Path | None, typer.Option(help="Write a picture to this file instead; needs no screen.")] = None,
     at: Annotated[
-        int | None, typer.Option(min=0, help="The cycle that --png shows; the last one if not given.")
+        str | None,
+        typer.Option(help="What --png shows: the end of a cycle (4), or a moment of the world's clock (13.4s)."),
     ] = None,
+    panel: Annotated[str | None, typer.Option(help="The panel that --png shows alone, by its title.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what is shown where as JSON.")] = False,
 ) -> None:
     """Show a run in the Rerun viewer."""
@@ -160,8 +170,11 @@ def inspect(
 
     if at is not None and png is None:
         raise InputError("goes with --png; the viewer itself has a time line", key="--at")
+    if panel is not None and png is None:
+        raise InputError("goes with --png; in the viewer itself, double-click a panel's title", key="--panel")
     if web and png is not None:
         raise InputError("is one way to look, --png is another", key="--web")
+    cycle, seconds = (None, None) if at is None else _moment(at)
     folder = run_folder(run)
 
     def tell(address: str) -> None:
@@ -175,11 +188,21 @@ def inspect(
     if png is None:
         open_viewer(folder, web, tell)
         return
-    complaints = screenshot(folder, png, at_cycle=at)
+    with waiting(sys.stderr, "drawing"):
+        complaints = screenshot(folder, png, at_cycle=cycle, at_time=seconds, panel=panel)
     for complaint in complaints:
         print(f"warning: {complaint}", file=sys.stderr)
     if as_json:
         print(json.dumps({"run": str(folder), "png": str(png), "warnings": complaints}))
+
+
+def _moment(text: str) -> tuple[int | None, float | None]:
+    """`4` is the end of a cycle, `13.4s` the world's clock."""
+    if re.fullmatch(r"\d{1,9}", text):
+        return int(text), None
+    if re.fullmatch(r"\d{1,9}(\.\d+)?s", text):
+        return None, float(text[:-1])
+    raise InputError(f"a cycle such as 4, or seconds of the world's clock such as 13.4s, not {text!r}", key="--at")
 
 
 def run_folder(run: str, runs: Path = Path("runs")) -> Path:

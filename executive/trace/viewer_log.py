@@ -25,6 +25,7 @@ from executive.types import (
     Payload,
     Plan,
     Questions,
+    Resumed,
     Revised,
     SkillResult,
 )
@@ -56,6 +57,9 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
             said = "cannot be told" if held is None else "is seen no longer"
             lost = ", again: the skill is told" if guarded.lost else ""
             return [LogLine(f"{guarded.atom} {said} (look {guarded.observation_id}){lost}", "GUARD", AMBER)]
+        case Resumed() as resumed:
+            told = f"another process goes on with the world as it was in cycle {resumed.cycle}"
+            return [LogLine(told, "PROCESS", WHITE)]
         case Moved() as moved:
             reason = f", {moved.reason}" if moved.reason else ""
             return [LogLine(f"out of the way, {moved.move}: {moved.status}{reason}", "MOVE", BLUE)]

@@ -33,9 +33,9 @@ class FakeRun:
 
     last: FakeRun
 
-    def __init__(self, config: assemble.RunConfig, sinks: Sequence[Sink] = ()) -> None:
+    def __init__(self, config: assemble.RunConfig, sinks: Sequence[Sink] = (), view: str | None = None) -> None:
         FakeRun.last = self
-        self.config, self.sinks, self.closed, self.cancelled = config, sinks, False, 0
+        self.config, self.sinks, self.view, self.closed, self.cancelled = config, sinks, view, False, 0
         self.folder = Path("runs/r")
 
     meanwhile: Callable[[FakeRun], OutcomeKind] = staticmethod(lambda run: OutcomeKind.GOAL_REACHED)
@@ -158,6 +158,22 @@ def test_json_is_all_of_stdout(during: Any, capsys: pytest.CaptureFixture[str]) 
     assert json.loads(out) == summary(OutcomeKind.PARTIAL)
     assert "executive inspect runs/r" in err
     assert len(FakeRun.last.sinks) == 1
+
+
+def test_a_run_can_be_watched_while_it_goes_on(during: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(viewer_process, "open_window", lambda: "rerun+http://127.0.0.1:9/proxy")
+    during(lambda run: OutcomeKind.GOAL_REACHED)
+    assert cli.exit_code(["run", "grocery", "--view", "--tree"]) == 0
+    assert FakeRun.last.view == "rerun+http://127.0.0.1:9/proxy"
+    assert FakeRun.last.config.tree
+    assert cli.exit_code(["run", "grocery"]) == 0
+    assert FakeRun.last.view is None
+
+
+def test_a_run_that_leaves_no_trace_cannot_be_watched(during: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    during(lambda run: OutcomeKind.GOAL_REACHED)
+    assert cli.exit_code(["run", "grocery", "--view", "--no-trace-viewer"]) == 2
+    assert "--view" in one_error_line(capsys)
 
 
 def test_a_run_ends_with_the_command_that_inspects_it(during: Any, capsys: pytest.CaptureFixture[str]) -> None:
@@ -287,8 +303,10 @@ def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """The arguments with which the viewer was opened, or a picture was drawn."""
     calls: list[tuple[Any, ...]] = []
 
-    def draw(trace: Path, png: Path, at_cycle: int | None = None) -> list[str]:
-        calls.append((trace, png, at_cycle))
+    def draw(
+        trace: Path, png: Path, at_cycle: int | None = None, at_time: float | None = None, panel: str | None = None
+    ) -> list[str]:
+        calls.append((trace, png, at_cycle, at_time, panel))
         return ["plan: error: too long"]
 
     def show(trace: Path, web: bool, tell: Callable[[str], None]) -> None:
@@ -316,8 +334,9 @@ def test_a_picture_is_drawn_and_what_the_viewer_complains_of_is_told(
 ) -> None:
     png = tmp_path / "run.png"
     assert cli.exit_code(["inspect", str(tmp_path), "--png", str(png), "--at", "4"]) == 0
-    assert looked_at == [(tmp_path, png, 4)]
-    assert capsys.readouterr() == ("", "warning: plan: error: too long\n")
+    assert cli.exit_code(["inspect", str(tmp_path), "--png", str(png), "--at", "13.4s", "--panel", "plan"]) == 0
+    assert looked_at == [(tmp_path, png, 4, None, None), (tmp_path, png, None, 13.4, "plan")]
+    assert capsys.readouterr() == ("", "warning: plan: error: too long\n" * 2)
 
 
 def test_where_a_run_is_shown_is_json_where_that_is_wanted(
@@ -348,6 +367,8 @@ def test_every_command_has_json() -> None:
         ("inspect tuesday", "tuesday: there is no such run; the latest in runs is monday"),
         ("inspect monday", "trace.rrd"),
         ("inspect monday --at 3", "--at: goes with --png"),
+        ("inspect monday --at noon --png x.png", "--at: a cycle such as 4, or seconds of the world's clock"),
+        ("inspect monday --panel plan", "--panel: goes with --png"),
         ("inspect monday --web --png x.png", "--web"),
         ("inspect monday --png no/such/folder/x.png", "no/such/folder"),
     ],
