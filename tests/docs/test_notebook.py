@@ -17,10 +17,11 @@ NOTEBOOK = json.loads((ROOT / "docs" / "library.ipynb").read_text(encoding="utf-
 
 def run(source: str, names: dict[str, Any]) -> Any:
     """Run a cell as a notebook does; the value of its last line, if that is an expression."""
-    tree = ast.parse(source)
-    last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
-    exec(compile(tree, "notebook", "exec"), names)
-    return None if last is None else eval(compile(ast.Expression(last.value), "notebook", "eval"), names)
+    *body, last = ast.parse(source).body
+    if not isinstance(last, ast.Expr):
+        body.append(last)
+    exec(compile(ast.Module(body, []), "notebook", "exec"), names)
+    return eval(compile(ast.Expression(last.value), "notebook", "eval"), names) if isinstance(last, ast.Expr) else None
 
 
 def test_it_runs_and_prints_what_it_shows() -> None:
