@@ -27,6 +27,7 @@ from executive.errors import ExecutiveError, InputError
 from executive.lab import card, dataset
 from executive.lab.dataset import Log
 from executive.lab.episode import MOST_FAILURES, MOST_POINTS, Collector
+from executive.lab.folders import lock
 from executive.lab.progress import Progress
 from executive.lab.worker import Pool
 from executive.sim.spec import read_scene
@@ -105,7 +106,7 @@ class Collection:
         self._cancelled = False
         self._cameras = {camera.name: [camera.width, camera.height] for camera in read_scene(self.domain.scene).cameras}
         self._check_folder()
-        self._lock = _lock(config.out)
+        self._lock = lock(config.out, "collecting")
         try:
             self._logs = self._read_logs(warn)
         except BaseException:
@@ -301,11 +302,12 @@ def _described(config: CollectConfig, domain: Domain) -> dict[str, Any]:
         "points_per_episode": config.per_episode,
         "failures_in_a_row": MOST_FAILURES,
         "jpeg_quality": dataset.JPEG_QUALITY,
-        "versions": {name: _version(name) for name in DECIDING},
+        "versions": {name: version_of(name) for name in DECIDING},
     }
 
 
-def _version(name: str) -> str:
+def version_of(name: str) -> str:
+    """The version of an installed package."""
     from executive import __version__
 
     try:
@@ -326,20 +328,3 @@ def _difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str | None
             return "the domain's files were others"
         return f"{key.replace('_', ' ')} is {other} there and {value} here"
     return None
-
-
-def _lock(folder: Path) -> int:
-    """Keep other processes from collecting in a folder while the returned file descriptor is open."""
-    import fcntl
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
-    except OSError as error:
-        raise InputError(f"cannot be written to ({error.strerror})", file=folder) from None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        raise InputError("another process is collecting in this folder", file=folder) from None
-    return descriptor

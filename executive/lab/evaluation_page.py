@@ -1,13 +1,13 @@
-"""The report of an evaluation as one HTML file that opens offline: style and pictures are inside it."""
+"""The report of an evaluation as one HTML file that opens offline."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
-from pathlib import Path
 from typing import Any
 
+from executive.lab import pages
 from executive.lab.metrics import THRESHOLDS
 from executive.lab.mistakes import Answered, Mistake
 from executive.lab.published import Table
@@ -16,8 +16,6 @@ from executive.trace.pictures import to_jpeg
 
 LISTED = 8
 """Answers that are listed below the pictures of a mistake."""
-
-STYLE = Path(__file__).with_name("evaluation.css")
 
 
 def page(
@@ -38,25 +36,17 @@ def page(
     """
     title = f"{document['name']} on {document['about']['domain']}"
     parts = [
-        f"<h1>{escape(title)}</h1>",
         _about(document),
         _tiles(document),
         *(_published(table, source) for table in tables),
         _by_predicate(document),
         _by_action(document),
         _by_atom(document),
-        *(_figure(heading, text, png) for heading, (text, png) in figures.items()),
+        *(pages.figure(heading, text, png) for heading, (text, png) in figures.items()),
         _mistakes(mistakes, mistaken, document["looks"]),
         _method(document),
     ]
-    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
-    style = f"<style>{STYLE.read_text(encoding='utf-8')}</style>"
-    return f'<!doctype html>\n<html lang="en"><head>{head}{style}</head>\n<body>\n{_lines(parts)}\n</body></html>\n'
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """A number as it is printed everywhere; a dash where there is none."""
-    return "\N{EN DASH}" if value is None else f"{value:.{digits}f}"
+    return pages.page(title, parts)
 
 
 def _about(document: Mapping[str, Any]) -> str:
@@ -76,21 +66,19 @@ def _about(document: Mapping[str, Any]) -> str:
             f"worded as in {about['paraphrases']}" + ("" if about["rename"] else ", objects under their own names")
         ]
     said += [f"disturbed: {spec}" for spec in about["disturb"]]
-    tags = "".join(f'<span class="tag">{escape(text)}</span>' for text in said)
-    return f"<p>{tags}</p>"
+    return pages.tags(said)
 
 
 def _tiles(document: Mapping[str, Any]) -> str:
     shown = [
-        (number(document["ap_micro"]), "average precision, micro"),
-        (number(document["ap_macro"]), "average precision, macro"),
-        (number(document["accuracy_0.5"]), "accuracy at θ = 0.5"),
-        (_share(document["exact_state"]), "looks with the whole state right"),
-        (number(document["ece"]), "expected calibration error"),
+        (pages.number(document["ap_micro"]), "average precision, micro"),
+        (pages.number(document["ap_macro"]), "average precision, macro"),
+        (pages.number(document["accuracy_0.5"]), "accuracy at θ = 0.5"),
+        (pages.share(document["exact_state"]), "looks with the whole state right"),
+        (pages.number(document["ece"]), "expected calibration error"),
         (f"{document['seconds_per_look']:.2f} s", "a look, median"),
     ]
-    tiles = "".join(f'<div class="tile"><b>{value}</b><span>{what}</span></div>' for value, what in shown)
-    return f'<div class="tiles">{tiles}</div>'
+    return pages.tiles(shown)
 
 
 def _published(table: Table, source: str) -> str:
@@ -103,7 +91,7 @@ def _published(table: Table, source: str) -> str:
         cells = [f"<td>{escape(row.name)}</td>"]
         for value, best in zip(row.values, table.best, strict=True):
             strong = ' class="best"' if value is not None and value == best else ""
-            cells.append(f"<td{strong}>{number(value, 3 if row.ours else 2)}</td>")
+            cells.append(f"<td{strong}>{pages.number(value, 3 if row.ours else 2)}</td>")
         rows.append(f'<tr class="{" ".join(marks)}">{"".join(cells)}</tr>')
     heads = "".join(f"<th>{escape(head)}</th>" for head in ("", *table.heads))
     title = ": ".join(part for part in (table.name, table.title) if part) or "Results"
@@ -125,15 +113,15 @@ _SCORED = (
 
 
 def _scored(scores: Mapping[str, Any]) -> list[str]:
-    accuracy = [number(scores[f"accuracy_{threshold}"]) for threshold in THRESHOLDS]
+    accuracy = [pages.number(scores[f"accuracy_{threshold}"]) for threshold in THRESHOLDS]
     counts = [f"{scores[key]:,}" if scores[key] else "0" for key in ("missed", "false_alarms", "unanswered")]
     return [
-        number(scores["ap_micro"]),
-        number(scores["ap_macro"]),
+        pages.number(scores["ap_micro"]),
+        pages.number(scores["ap_macro"]),
         *accuracy,
         *counts,
-        number(scores["ece"]),
-        number(scores["brier"], 4),
+        pages.number(scores["ece"]),
+        pages.number(scores["brier"], 4),
     ]
 
 
@@ -141,16 +129,16 @@ def _by_predicate(document: Mapping[str, Any]) -> str:
     rows = [
         [
             f"<code>{escape(name)}</code>",
-            _share(scores["true"] / scores["asked"] if scores["asked"] else None),
+            pages.share(scores["true"] / scores["asked"] if scores["asked"] else None),
             *_scored(scores),
         ]
         for name, scores in document["predicates"].items()
     ]
     rows.append(
-        ["all", _share(document["true"] / document["asked"] if document["asked"] else None), *_scored(document)]
+        ["all", pages.share(document["true"] / document["asked"] if document["asked"] else None), *_scored(document)]
     )
     text = "Missed: true, and not taken for it at 0.5. False alarms: false, and not taken for that."
-    return f"<h2>Predicates</h2><p>{text}</p>{_table(('predicate', 'true in', *_SCORED), rows)}"
+    return f"<h2>Predicates</h2><p>{text}</p>{pages.table(('predicate', 'true in', *_SCORED), rows)}"
 
 
 def _by_action(document: Mapping[str, Any]) -> str:
@@ -158,28 +146,22 @@ def _by_action(document: Mapping[str, Any]) -> str:
         return ""
     names = {"expected": "what its effects say", "surprising": "something else"}
     rows = [
-        [names[key], f"{scores['looks']:,}", _share(scores["exact_state"]), *_scored(scores)]
+        [names[key], f"{scores['looks']:,}", pages.share(scores["exact_state"]), *_scored(scores)]
         for key, scores in document["looks_by_action"].items()
     ]
     text = "The looks that a monitor is there for: those after an action that changed more, or less, than it should."
     heads = ("the action did", "looks", "whole state", *_SCORED)
-    return f"<h2>When an action goes wrong</h2><p>{text}</p>{_table(heads, rows)}"
+    return f"<h2>When an action goes wrong</h2><p>{text}</p>{pages.table(heads, rows)}"
 
 
 def _by_atom(document: Mapping[str, Any]) -> str:
     heads = ("atom", "true in", "AP", *_SCORED[2:])
     rows = [
-        [f"<code>{escape(name)}</code>", _share(scores["true"] / scores["asked"] if scores["asked"] else None)]
+        [f"<code>{escape(name)}</code>", pages.share(scores["true"] / scores["asked"] if scores["asked"] else None)]
         + [cell for index, cell in enumerate(_scored(scores)) if index != 1]
         for name, scores in document["atoms"].items()
     ]
-    return f"<h2>Atoms</h2>{_table(heads, rows)}"
-
-
-def _figure(heading: str, text: str, png: bytes) -> str:
-    data = base64.b64encode(png).decode()
-    image = f'<img alt="{escape(heading)}" src="data:image/png;base64,{data}">'
-    return f"<h2>{escape(heading)}</h2><p>{escape(text)}</p><figure>{image}</figure>"
+    return f"<h2>Atoms</h2>{pages.table(heads, rows)}"
 
 
 def _mistakes(mistakes: Sequence[Mistake], mistaken: int, looks: int) -> str:
@@ -187,7 +169,7 @@ def _mistakes(mistakes: Sequence[Mistake], mistaken: int, looks: int) -> str:
         text = f"{mistaken:,} of {looks:,} looks have a mistake at 0.5. The worst ones, one for each episode and atom:"
     else:
         text = "There is no mistake at 0.5. The answers that were nearest to one, one for each episode and atom:"
-    return f"<h2>The worst answers</h2><p>{text}</p>{_lines(map(_mistake, mistakes))}"
+    return f"<h2>The worst answers</h2><p>{text}</p>{pages.lines(map(_mistake, mistakes))}"
 
 
 def _mistake(mistake: Mistake) -> str:
@@ -226,17 +208,3 @@ def _method(document: Mapping[str, Any]) -> str:
     prompt = escape(document["about"]["system_prompt"])
     blocks = f"<pre>{command}</pre><p>The system prompt:</p><pre>{prompt}</pre>"
     return f"<h2>How this was measured</h2><p>{escape(text)}</p>{blocks}"
-
-
-def _table(heads: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
-    head = "".join(f"<th>{escape(each)}</th>" for each in heads)
-    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
-    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
-
-
-def _share(value: float | None) -> str:
-    return "\N{EN DASH}" if value is None else f"{100 * value:.1f} %"
-
-
-def _lines(parts: Iterable[str]) -> str:
-    return "\n".join(parts)

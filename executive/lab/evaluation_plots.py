@@ -3,24 +3,19 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from executive.lab import drawing
 from executive.lab.metrics import Answers, average_precision, curve
 from executive.types import Atom
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-COLOURS = tuple(f"C{number}" for number in range(10))
-"""Matplotlib's own, as in `executive.s3e.reliability`."""
 
 PANELS = 12
 _ACROSS = 4
-_GREY, _INK = "#d9dde3", "#22262b"
 
 
 def precision_recall(series: Mapping[str, Answers], atoms: Sequence[Atom] = ()) -> bytes:
@@ -32,7 +27,7 @@ def precision_recall(series: Mapping[str, Answers], atoms: Sequence[Atom] = ()) 
     wanted += [(str(atom), atom) for atom in atoms]
     wanted = wanted[:PANELS]
     rows, across = math.ceil(len(wanted) / _ACROSS), min(_ACROSS, len(wanted))
-    figure = _figure(2.75 * across, 2.95 * rows + 0.3 * len(series))
+    figure = drawing.figure(2.75 * across, 2.95 * rows + 0.3 * len(series))
     grid = figure.subplots(rows, across, squeeze=False)
     for axes, (title, what) in zip(grid.flat, wanted, strict=False):
         _panel(axes, title, [answers if what is None else answers.of(what) for answers in series.values()])
@@ -42,8 +37,8 @@ def precision_recall(series: Mapping[str, Answers], atoms: Sequence[Atom] = ()) 
         axes.set_ylabel("precision", fontsize=8)
     for axes in grid.flat[max(0, len(wanted) - across) : len(wanted)]:
         axes.set_xlabel("recall", fontsize=8)
-    _legend(figure, series)
-    return _png(figure)
+    drawing.legend(figure, list(series))
+    return drawing.png(figure)
 
 
 def average_precisions(series: Mapping[str, Answers]) -> bytes:
@@ -52,7 +47,7 @@ def average_precisions(series: Mapping[str, Answers]) -> bytes:
     first = next(iter(series.values()))
     rows = [atom for name in first.predicates for atom in first.of(name).atoms]
     height = 0.21 * len(rows) + 0.16 * len(first.predicates) + 0.6 + 0.25 * len(series)
-    figure = _figure(9.2, height)
+    figure = drawing.figure(9.2, height)
     axes = figure.subplots()
     places, place = [], 0.0
     for index, atom in enumerate(rows):
@@ -64,12 +59,12 @@ def average_precisions(series: Mapping[str, Answers]) -> bytes:
     for number, answers in enumerate(series.values()):
         values = [average_precision(answers.of(atom)) for atom in rows]
         known = [(value, where) for value, where in zip(values, places, strict=True) if value is not None]
-        colour = COLOURS[number % len(COLOURS)]
+        colour = drawing.COLOURS[number % len(drawing.COLOURS)]
         if number == 0:
             axes.barh([y for _, y in known], [x for x, _ in known], color=colour, alpha=0.28, height=0.62, zorder=1)
             for value, where in zip(values, places, strict=True):
                 text = "never true" if value is None else f"{value:.3f}"
-                axes.text(1.015, where, text, va="center", fontsize=7.5, color=_INK, family="monospace")
+                axes.text(1.015, where, text, va="center", fontsize=7.5, color=drawing.INK, family="monospace")
         axes.plot(
             [x for x, _ in known],
             [y for _, y in known],
@@ -85,48 +80,21 @@ def average_precisions(series: Mapping[str, Answers]) -> bytes:
     axes.tick_params(axis="x", labelsize=8)
     axes.tick_params(axis="y", length=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
-    _legend(figure, series)
-    return _png(figure)
+    drawing.legend(figure, list(series))
+    return drawing.png(figure)
 
 
 def _panel(axes: Axes, title: str, lines: Sequence[Answers]) -> None:
-    axes.set_title(title, fontsize=8.5, loc="left", color=_INK)
+    axes.set_title(title, fontsize=8.5, loc="left", color=drawing.INK)
     for level in (0.25, 0.5, 0.75):
         axes.axhline(level, color="#eceff3", linewidth=0.8, zorder=0)
         axes.axvline(level, color="#eceff3", linewidth=0.8, zorder=0)
     for number, answers in enumerate(lines):
         value, (recall, precision) = average_precision(answers), curve(answers)
-        colour = COLOURS[number % len(COLOURS)]
+        colour = drawing.COLOURS[number % len(drawing.COLOURS)]
         axes.plot(recall, precision, color=colour, linewidth=1.6, drawstyle="steps-pre", clip_on=False)
         text = "never true" if value is None else f"AP {value:.3f}"
         height = 0.06 + 0.085 * (len(lines) - 1 - number)
         axes.text(0.05, height, text, color=colour, fontsize=8, transform=axes.transAxes)
     axes.set(xlim=(0, 1), ylim=(0, 1), xticks=(0, 0.5, 1), yticks=(0, 0.5, 1), aspect="equal")
-    axes.tick_params(labelsize=7.5, color=_GREY)
-
-
-def _figure(width: float, height: float) -> Figure:
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
-
-
-def _legend(figure: Figure, series: Mapping[str, Answers]) -> None:
-    """Which colour is which, above everything, where there is more than one."""
-    from matplotlib.lines import Line2D
-
-    if len(series) > 1:
-        handles = [
-            Line2D([], [], color=COLOURS[n % len(COLOURS)], marker="o", markersize=4) for n in range(len(series))
-        ]
-        figure.legend(handles, list(series), loc="outside upper left", frameon=False, fontsize=8, ncols=1)
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    options: dict[str, Any] = {"metadata": {"Software": None}}
-    for axes in figure.axes:
-        for spine in axes.spines.values():
-            spine.set_color(_GREY)
-    figure.savefig(buffer, format="png", dpi=144, **options)
-    return buffer.getvalue()
+    axes.tick_params(labelsize=7.5, color=drawing.GREY)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.errors import InputError
-from executive.lab import evaluation_page, evaluation_plots
+from executive.lab import evaluation_page, evaluation_plots, pages
 from executive.lab.dataset import write_atomically
 from executive.lab.evaluate import Evaluation
 from executive.lab.evaluation_store import document, save
@@ -79,7 +79,7 @@ def distinct(evaluations: Sequence[Evaluation]) -> dict[str, Evaluation]:
 
 def summary(document: Mapping[str, Any], folder: Path) -> str:
     """What an evaluation came to, in a few lines."""
-    number = evaluation_page.number
+    number = pages.number
     whole, asked = document["exact_state"], document["asked"]
     accuracy = ", ".join(f"{number(document[f'accuracy_{threshold}'])} at {threshold}" for threshold in THRESHOLDS)
     lines = [

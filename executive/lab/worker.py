@@ -38,7 +38,7 @@ class Pool:
         jobs: int | None,
     ) -> None:
         context = multiprocessing.get_context("spawn")
-        self.jobs = jobs or _cores()
+        self.jobs = jobs or cores()
         self._stop, self._made = context.Event(), context.Value("q", 0)
         arguments = (prepare, out, collection, cameras, self._stop, self._made)
         self._executor = ProcessPoolExecutor(self.jobs, mp_context=context, initializer=_begin, initargs=arguments)
@@ -59,7 +59,7 @@ class Pool:
 
     def submit(self, number: int, most: int) -> Future[Log | None]:
         """Have an episode played and written, cut after `most` points."""
-        with _deaf():
+        with deaf():
             return self._executor.submit(_work, number, most)
 
 
@@ -80,11 +80,11 @@ _post: _Post | None = None
 def _begin(prepare: Callable[[], Collector], *rest: Any) -> None:
     global _post
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is heard by the first process, which says when to stop
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    threading.Thread(target=leave_with_parent, daemon=True).start()
     _post = _Post(prepare(), *rest)
 
 
-def _leave_with_parent() -> None:
+def leave_with_parent() -> None:
     """A process whose parent was killed would wait for work for ever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -114,13 +114,13 @@ def _work(number: int, most: int) -> Log | None:
     return episode.log
 
 
-def _cores() -> int:
+def cores() -> int:
     """The cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
+def deaf() -> Iterator[None]:
     """Have a process that is spawned meanwhile ignore Ctrl-C from its first moment on."""
     if threading.current_thread() is not threading.main_thread():
         yield
