@@ -3,20 +3,16 @@ sinks are put together. Everything that it builds could be built by hand; see RE
 
 from __future__ import annotations
 
-import dataclasses
-import json
-import re
 import shutil
-import time
-import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 from executive.attention import Attention
+from executive.configuration import CONFIG, ESTIMATORS, RunConfig, make_folder, read_config
+from executive.course import Course
 from executive.domain import Domain, load_domain
 from executive.errors import DomainError, InputError, nearest
 from executive.eye import EyeConfig, open_eye, settled
@@ -30,14 +26,15 @@ from executive.faults import (
     parse_fault,
 )
 from executive.loop import Executive
-from executive.monitoring import MonitorConfig, open_monitor
+from executive.monitoring import open_monitor
+from executive.past import Past
 from executive.planning import FastDownwardPlanner
-from executive.policy import Settings
-from executive.protocols import Estimator, Sink, Skill
+from executive.protocols import Estimator, Recalling, Sink, Skill
 from executive.trace import monitors
 from executive.trace.events import EventLog
 from executive.trace.limits import thresholds
-from executive.trace.report import Collector, Summary, write_summary
+from executive.trace.report import SUMMARY_FILE, Collector, Summary, write_summary
+from executive.trace.snapshots import Snapshots
 from executive.types import Facts
 
 if TYPE_CHECKING:
@@ -45,55 +42,19 @@ if TYPE_CHECKING:
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
-CONFIG = "config.toml"
-"""The file in a run's folder that says what it was asked to do."""
-
-ESTIMATORS = ("oracle", "vlm", "none")
-
-
-@dataclass(frozen=True, slots=True)
-class RunConfig:
-    """All that decides how a run goes; `config.toml` in the run's folder holds the same.
-
-    `domain` is a folder or a shipped domain's name. `faults` are in the grammar of `executive.faults`. `grasp_noise`
-    is a standard deviation in m. `runs` is where the run's own folder is made, `name` what it is called. `tree` has
-    the trees that motions are searched for with in the trace. `eye` says how the estimator "vlm" sees, `monitor` what
-    is made of what is seen.
-    """
-
-    domain: str
-    problem: str | None = None
-    seed: int = 0
-    estimator: str = "oracle"
-    faults: tuple[str, ...] = ()
-    home_pose: bool = True
-    grasp_noise: float = 0.0
-    max_replans: int | None = None
-    max_actions: int | None = None
-    runs: Path = Path("runs")
-    name: str | None = None
-    viewer: bool = True
-    tree: bool = False
-    eye: EyeConfig | None = None
-    monitor: MonitorConfig = field(default_factory=MonitorConfig)
-
-    def __post_init__(self) -> None:
-        if self.estimator not in ESTIMATORS:
-            raise InputError(
-                f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator"
-            )
-        if self.estimator != "vlm" and self.eye is not None:
-            raise InputError(
-                f"{self.estimator!r} asks no model; --vlm and --server go with --estimator vlm", key="--estimator"
-            )
-        if not 0.0 <= self.grasp_noise <= 1.0:
-            raise InputError(f"a standard deviation in m, from 0 to 1, not {self.grasp_noise}", key="--grasp-noise")
-        if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):
-            raise InputError(f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'", key="--name")
-
-    def settings(self) -> Settings:
-        limits = {"max_replans": self.max_replans, "max_actions": self.max_actions}
-        return Settings(seed=self.seed, **{key: value for key, value in limits.items() if value is not None})
+__all__ = [
+    "CONFIG",
+    "ESTIMATORS",
+    "Run",
+    "RunConfig",
+    "load_attention",
+    "load_moves",
+    "load_skills",
+    "parse_faults",
+    "read_config",
+    "resume",
+    "run",
+]
 
 
 class Run:
@@ -102,10 +63,11 @@ class Run:
     Args:
         seeing: the eye of an estimator "vlm", where it is open already.
         view: the address of a Rerun viewer that is to show the run while it goes on.
+        folder: that of a run which is to go on there (see `resume`); without it, one is made.
 
     Raises:
         DomainError: the domain folder has a mistake.
-        InputError: the configuration has one, or the run's folder exists.
+        InputError: the configuration has one, or the run's folder exists; or the run in `folder` cannot go on.
         MissingError: the machine lacks something.
     """
 
@@ -115,9 +77,14 @@ class Run:
         sinks: Sequence[Sink] = (),
         seeing: S3E | None = None,
         view: str | None = None,
+        folder: Path | None = None,
     ) -> None:
         self.config = config
+        log = None if folder is None else EventLog(folder)  # from here on it is ours
+        self._past = None if folder is None else Past.of(folder)
         self.domain = load_domain(config.domain, config.problem)
+        if self._past is not None:
+            self._past.check(self.domain.task)
         injected = parse_faults(self.domain, config.faults)
         planner = FastDownwardPlanner(self.domain.parsed)
         planner.warm_up()  # unified-planning takes seconds to import; meanwhile all else is made
@@ -128,13 +95,15 @@ class Run:
         # A model takes long to load and may be none: before anything that would have to be undone.
         if eye is not None and seeing is None:
             seeing = open_eye(eye, self.domain.subject)
-        self.world, self.truth = _stage(self.domain, config, injected)
-        self.folder = _make_folder(config, self.domain)
+        first_observation = 0 if self._past is None else self._past.observations
+        self.world, self.truth = _stage(self.domain, config, injected, first_observation)
+        self.folder = make_folder(config, self.domain) if folder is None else folder
         self._collector = Collector()
         try:
-            self.executive = self._put_together(planner, injected, seeing, sinks, view)
+            self.executive = self._put_together(planner, injected, seeing, sinks, view, log)
         except BaseException:  # Ctrl-C, too: a run that never began leaves no folder
-            shutil.rmtree(self.folder, ignore_errors=True)
+            if folder is None:
+                shutil.rmtree(self.folder, ignore_errors=True)
             raise
 
     def __enter__(self) -> Run:
@@ -151,7 +120,11 @@ class Run:
 
     def execute(self) -> Summary:
         """Carry the task out, score it by the simulator's truth, and write `summary.json`."""
-        self.executive.run()
+        if self._past is None or not self._past.is_over:
+            self.executive.run()
+        else:  # it was killed between its end and its summary
+            for sink in self._sinks:
+                sink.close()
         goal = self.domain.task.goal
         goal_true = self.truth.of(tuple(goal)).entails(goal)
         summary = self._collector.summary(goal_true)
@@ -165,15 +138,18 @@ class Run:
         seeing: S3E | None,
         sinks: Sequence[Sink],
         view: str | None,
+        log: EventLog | None,
     ) -> Executive:
         config = self.config
-        recorders: list[Sink] = [EventLog(self.folder), self._collector]
+        recorders: list[Sink] = [Snapshots(self.folder, self.world), log or EventLog(self.folder), self._collector]
         if config.viewer:
             from executive.trace.viewer import RerunSink
 
             recorders.append(RerunSink(self.folder, view, thresholds(self.monitor)))
         if self.monitor is not None:
             monitors.save(self.folder, self.monitor)
+        self._sinks = (*recorders, *sinks)
+        course = self._go_on()
         estimator, initial = _eye(self.domain, config, self.truth, seeing)
         faults = FaultInjector(injected, self.world, config.seed)
         return Executive(
@@ -182,7 +158,7 @@ class Run:
             faulty_world(self.world, faults),
             faulty_skills(load_skills(self.domain), faults),
             None if estimator is None else faulty_estimator(estimator, faults),
-            sinks=(*recorders, *sinks),
+            sinks=self._sinks,
             settings=config.settings(),
             faults=faults,
             initial=initial,
@@ -191,13 +167,46 @@ class Run:
             monitor=self.monitor,
             attention=load_attention(self.domain, self.world),
             moves=load_moves(self.domain),
+            course=course,
         )
+
+    def _go_on(self) -> Course | None:
+        """Have the world be what it was when the run's process ended, and the sinks know what happened until then; how
+        the run stands, if there was one.
+
+        Raises:
+            InputError: there is no snapshot of the world to go on from.
+        """
+        past, task = self._past, self.domain.task
+        if past is None or past.started is None:
+            return None
+        since = past.resumed(past.restore(self.world))
+        for event in past.events(images=True):
+            for sink in self._sinks:
+                if isinstance(sink, Recalling):
+                    sink.recall(event)
+        if self.monitor is None:
+            return Course(task, task.goal, past.assumed()).resumed(since)
+        return Course(task, task.goal, Facts(), past.memory(self.monitor)).resumed(since)
 
 
 def run(config: RunConfig, sinks: Sequence[Sink] = ()) -> Summary:
     """Put a run together and carry it out."""
     with Run(config, sinks) as prepared:
         return prepared.execute()
+
+
+def resume(folder: Path, sinks: Sequence[Sink] = (), view: str | None = None) -> Run:
+    """A run whose process ended before the run did, ready to go on in its folder: the simulated world is what the last
+    snapshot has it be, the robot looks first, and what is done is not done again.
+
+    Raises:
+        InputError: it came to an end of its own, another process is at work on it, or it is no such folder.
+    """
+    config, past = read_config(folder), Past.of(folder)
+    if past.ended is not None and past.is_over and (folder / SUMMARY_FILE).exists():
+        raise InputError(f"this run has come to its end: {past.ended.outcome}", file=folder)
+    return Run(config, sinks, view=view, folder=folder)
 
 
 def load_skills(domain: Domain) -> Mapping[str, Skill]:
@@ -241,7 +250,9 @@ def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
     return [parse_fault(spec, items, tables, cameras) for spec in specs]
 
 
-def _stage(domain: Domain, config: RunConfig, faults: Sequence[Fault]) -> tuple[MujocoWorld, Truth]:
+def _stage(
+    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int
+) -> tuple[MujocoWorld, Truth]:
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
@@ -257,6 +268,7 @@ def _stage(domain: Domain, config: RunConfig, faults: Sequence[Fault]) -> tuple[
         home_pose=config.home_pose,
         blockings=sum(fault.kind == "block" for fault in faults),
         keep_trees=config.tree,
+        first_observation=first_observation,
     )
     return world, Truth(world, domain.relations, task.parameters, domain.folder / "domain.toml")
 
@@ -272,65 +284,3 @@ def _eye(
     from executive.sim.truth import Oracle
 
     return Oracle(truth), None
-
-
-def _make_folder(config: RunConfig, domain: Domain) -> Path:
-    """The run's folder, with its configuration in it."""
-    if config.name is not None:
-        names = [config.name]
-    else:
-        stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{domain.name}-{domain.task.problem}-{config.seed}"
-        names = [stem, *(f"{stem}-{index}" for index in range(2, 100))]
-    for name in names:
-        folder = config.runs / name
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise InputError(f"cannot be made: {error.strerror}", file=folder) from error
-        (folder / CONFIG).write_text(_toml(config), encoding="utf-8")
-        return folder
-    raise InputError("there is a run of this name already; choose another with --name", file=config.runs / names[0])
-
-
-def read_config(run: Path) -> RunConfig:
-    """The configuration of a run, from its folder.
-
-    Raises:
-        InputError: there is none in it, or a damaged one.
-    """
-    from pydantic import TypeAdapter, ValidationError
-
-    file = run / CONFIG
-    try:
-        said = tomllib.loads(file.read_text(encoding="utf-8"))
-        return TypeAdapter(RunConfig).validate_python(said)
-    except FileNotFoundError:
-        raise InputError("is missing: it is not known what the run was asked to do", file=file) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise InputError(first["msg"], file=file, key=".".join(map(str, first["loc"]))) from None
-    except InputError as error:
-        raise InputError(error.message, file=file, key=error.key) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"is not TOML: {error}", file=file) from None
-
-
-def _toml(config: RunConfig) -> str:
-    lines = ["# All that decides how this run went.", *_settings(config)]
-    for name, table in (("eye", config.eye), ("monitor", config.monitor)):
-        lines += ["", f"[{name}]", *_settings(table)] if table is not None else []
-    return "\n".join(lines) + "\n"
-
-
-def _settings(config: RunConfig | EyeConfig | MonitorConfig) -> list[str]:
-    """A line for everything that is set. A JSON string, number, boolean or array of strings is a TOML one."""
-    values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
-    return [
-        f"{name} = {json.dumps(str(value) if isinstance(value, Path) else value)}"
-        for name, value in values.items()
-        if value is not None and not isinstance(value, EyeConfig | MonitorConfig)
-    ]

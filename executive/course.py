@@ -24,6 +24,7 @@ from executive.types import (
     Looked,
     OutcomeKind,
     Plan,
+    Resumed,
     SkillResult,
     Step,
     Task,
@@ -52,8 +53,8 @@ class Course:
     `todo` are the positions of the plan's steps that are left, `attempt` counts the tries at the first of them, and
     `report` is what the skill of this cycle said. `failures` counts how often a step failed from the same known facts;
     `stuck` are the steps that were given up on, and what was known then; `given_up_why` is why some of the goal was
-    given up last. A *cycle* is a turn of the loop, an *action* a dispatched step, a *replan* a plan that was taken up
-    after the first.
+    given up last. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
+    loop, an *action* a dispatched step, a *replan* a plan that was taken up after the first.
     """
 
     task: Task
@@ -74,6 +75,7 @@ class Course:
     failures: Mapping[tuple[Step, Facts], int] = field(default_factory=lambda: MappingProxyType({}))
     stuck: Mapping[Step, Facts] = field(default_factory=lambda: MappingProxyType({}))
     given_up_why: str = ""
+    since: Resumed | None = None
 
     @property
     def left(self) -> tuple[Step, ...]:
@@ -166,6 +168,11 @@ class Course:
         return replace(decision, grounds=tuple(map(ground, decision.evidence)), report=self.report)
 
     # What can happen.
+
+    def resumed(self, since: Resumed) -> Course:
+        """Another process goes on, in a cycle of its own."""
+        counts = {"actions": since.actions, "replans": since.plans, "looks": since.looks}
+        return replace(self, since=since, cycle=since.cycle + 1, **counts)
 
     def next_cycle(self) -> Course:
         return replace(self, cycle=self.cycle + 1, report=None)

@@ -53,6 +53,7 @@ class Executive:
         initial: what a blind executive is told; one that looks has to see it for itself.
         monitor: what is made of the looks; without one, each answer is taken at its word.
         attention, moves: where to look for what, and skills that clear the view, by name, the mildest first.
+        course: how the run stands, where another process began it.
         domain, run: names for the trace.
 
     Raises:
@@ -75,14 +76,14 @@ class Executive:
         monitor: Monitor | None = None,
         attention: Attention | None = None,
         moves: Mapping[str, Skill] | None = None,
+        course: Course | None = None,
     ) -> None:
         if estimator is None and initial is None:
             raise InputError("an executive that does not look (it has no estimator) must be told the initial facts")
         self.planner, self.world, self.skills, self.estimator = planner, world, skills, estimator
         self.settings, self.domain, self.name = settings or Settings(), domain, run
         monitor, attention = monitor or PlainMonitor(task.atoms), attention or Attention()
-        told = Facts() if estimator or initial is None else initial
-        self.course = Course(task, task.goal, told, monitor.begin())
+        self.course = course or Course(task, task.goal, Facts() if estimator else initial or Facts(), monitor.begin())
         self._session = Session(sinks, world, self.settings.seed, faults, lambda: self.course.cycle)
         self._emit, self.cancel = self._session.emit, self._session.cancel
         if estimator:
@@ -95,13 +96,12 @@ class Executive:
             ExecutiveError: a part found the set-up wrong or something missing; the trace ends with `crashed`.
         """
         decision, error = self._session.guard(self._live)
-        ended = self.course.ended(decision)
-        self._session.close(ended, error)
-        return ended
+        return self._session.close(self.course.ended(decision), error)
 
     def _live(self) -> Decision:
         eye, task, settings = self.estimator.name if self.estimator else "none", self.course.task, self.settings
-        self._session.open(Started(self.name, self.domain, task, eye, settings.seed, asdict(settings)), self.estimator)
+        started = Started(self.name, self.domain, task, eye, settings.seed, asdict(settings))
+        self._session.open(self.course.since or started, self.estimator)
         decision = self._first_look()
         while decision.kind is not DecisionKind.STOP:
             self._session.heed()

@@ -20,12 +20,14 @@ from executive.types import (
     Decision,
     DecisionKind,
     Dispatched,
+    Ended,
     Event,
     Motion,
     Moved,
     OutcomeKind,
     Payload,
     Phase,
+    Resumed,
     SkillResult,
     SkillStatus,
     Step,
@@ -67,6 +69,8 @@ class Session:
     def open(self, first: Payload, estimator: Estimator | None) -> None:
         """Deliver the first event, tell what is going to be asked, show what the world looks like, and have its
         movements told from here on, and what is broken in it."""
+        if isinstance(first, Resumed):
+            self._action, self._start = first.actions, self._start - first.wall
         self.emit(first)
         if self._faults:
             self._faults.begin(self.emit, self._action)
@@ -175,7 +179,7 @@ class Session:
         chance = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
         return SkillContext(self._world.handle, chance, announce, lambda: self._cancelled, lost)
 
-    def close(self, last: Payload, error: BaseException | None = None) -> None:
+    def close(self, last: Ended, error: BaseException | None = None) -> Ended:
         """Deliver the last event, stamped with the time of the one before it, close all sinks, and raise `error`."""
         self._guarded(self._world, self._world.watch, None)
         self._deliver(last)
@@ -183,6 +187,7 @@ class Session:
             self._guarded(sink, sink.close)
         if error is not None:
             raise error
+        return last
 
     def _deliver(self, payload: Payload) -> None:
         start = time.monotonic()

@@ -448,12 +448,14 @@ class Started:
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """Another process goes on with the run, which by its record had come to `actions` dispatched steps, `replans` and
-    `looks`; `wall` are the seconds that the processes before it took. The simulated world is as it was in `cycle`."""
+    """Another process goes on with the run. The simulated world is as it was in the cycle `restored`; of the rest it is
+    said how far the run had come by its record: `cycle`, dispatched `actions`, `plans` and `looks`, and the `wall`
+    seconds that the processes before this one took."""
 
+    restored: int
     cycle: int
     actions: int
-    replans: int
+    plans: int
     looks: int
     wall: float = 0.0
 

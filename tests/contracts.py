@@ -301,7 +301,7 @@ _STEP = Step("pick", ("a", "p"), _FACTS, Facts({_ATOM: False}))
 
 EVERY_PAYLOAD: tuple[Payload, ...] = (
     Started("run", "things", Task("things", "fake", {"a": "thing"}, (_ATOM,), _FACTS), "none", 3, {"low": 0.5}),
-    Resumed(0, 0, 0, 0),
+    Resumed(0, 0, 0, 0, 0),
     Questions({_ATOM: "Is a on p?"}, "Answer yes or no.", "templates"),
     Scenery(),
     Observation(0, 0.0, {"front": np.zeros((24, 32, 3), np.uint8)}, np.zeros(6), "first look"),

@@ -9,13 +9,14 @@ Everything heavy is imported inside the command that needs it, so that `executiv
 from executive.cli.frame import BAD_INPUT, BUG, INTERRUPTED, NOT_REACHED, REACHED, Settings, app, exit_code, main
 from executive.cli.house import doctor, domains, faults, new
 from executive.cli.replaying import replay
-from executive.cli.running import explain, inspect, run
+from executive.cli.running import explain, inspect, resume, run
 from executive.cli.seeing import calibrate, collect, estimate, evaluate, train
 
 __all__ = ["BAD_INPUT", "BUG", "INTERRUPTED", "NOT_REACHED", "REACHED", "Settings", "app", "exit_code", "main"]
 
 # In the order in which the help lists them.
 app.command()(run)
+app.command()(resume)
 app.command()(estimate)
 app.command()(collect)
 app.command("eval")(evaluate)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import difflib
 import json
 import re
+import shlex
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -28,6 +29,9 @@ from executive.cli.options import (
 )
 from executive.errors import InputError
 from executive.types import OutcomeKind
+
+if TYPE_CHECKING:
+    from executive.assemble import Run
 
 
 def run(
@@ -82,10 +86,9 @@ def run(
 
     from executive import assemble
     from executive.eye import EyeConfig
-    from executive.faults import parse_fault, read_faults
+    from executive.faults import read_faults
     from executive.monitoring import MonitorConfig
     from executive.trace.console import waiting
-    from executive.trace.report import print_summary
     from executive.trace.terminal import TerminalSink
     from executive.trace.viewer_process import open_window
 
@@ -114,12 +117,46 @@ def run(
     with nullcontext() if quiet else waiting(stream, "loading planner and simulator"):
         window = open_window() if view else None
         prepared = assemble.Run(config, [] if quiet else [TerminalSink(stream)], view=window)
+    return _carried_out(prepared, quiet, as_json)
+
+
+def resume(
+    run: RunName,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary on stdout, all else on stderr.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors, and --json.")] = False,
+    view: Annotated[bool, typer.Option("--view", help="Watch it in the Rerun viewer while it goes on.")] = False,
+) -> int:
+    """Go on with a run whose process was killed, that crashed, or that was interrupted: look first, repeat nothing."""
+    from executive import machine
+
+    machine.require()
+
+    from executive import assemble
+    from executive.trace.console import waiting
+    from executive.trace.terminal import TerminalSink
+    from executive.trace.viewer_process import open_window
+
+    folder, stream = run_folder(run), sys.stderr if as_json else sys.stdout
+    with nullcontext() if quiet else waiting(stream, "loading planner and simulator"):
+        window = open_window() if view else None
+        prepared = assemble.resume(folder, [] if quiet else [TerminalSink(stream)], window)
+    return _carried_out(prepared, quiet, as_json)
+
+
+def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
+    """Execute a run, tell what it came to, and return the exit code."""
+    from executive.faults import parse_fault
+    from executive.trace.report import print_summary
+
+    stream = sys.stderr if as_json else sys.stdout
     with prepared, ctrl_c(prepared.cancel):
         summary = prepared.execute()
     struck = {each["spec"] for each in summary["faults"]}
-    for spec in config.faults:
+    for spec in prepared.config.faults:
         if "@" in spec and str(parse_fault(spec)) not in struck and not quiet:
             print(f"warning: the fault {spec} never struck in {summary['actions']} actions", file=sys.stderr)
+    if summary["outcome"] == OutcomeKind.INTERRUPTED and not quiet:
+        print(f"go on with: executive resume {shlex.quote(str(prepared.folder))}", file=sys.stderr)
     try:
         if not quiet:
             print_summary(summary, prepared.folder, stream)

@@ -47,6 +47,7 @@ class MujocoWorld:
         home_pose: whether skills end at the home pose.
         blockings: how often a table is going to be blocked; that many times the boxes for it wait out of sight.
         keep_trees: whether skills tell the trees that they search for motions.
+        first_observation: the number of the first look.
 
     Raises:
         DomainError: the scene file is wrong, an object has no body, or the items find no place.
@@ -63,6 +64,7 @@ class MujocoWorld:
         home_pose: bool = True,
         blockings: int = 0,
         keep_trees: bool = False,
+        first_observation: int = 0,
     ) -> None:
         spec = read_scene(file).restricted_to(objects, file)
         self.items = tuple(item.name for item in spec.items)
@@ -82,7 +84,7 @@ class MujocoWorld:
         self._ids = itertools.count()
         self._listener: Callable[[Frame], None] | None = None
         self._next_frame = 0.0
-        self._observations = itertools.count()
+        self._observations = itertools.count(first_observation)
         self.drawing = Drawing(self.model)
         self._steps = max(1, round(CONTROL_PERIOD / self.spec.timestep))
         self._arm = np.array([self.model.joint(name).qposadr[0] for name in scene.JOINTS])

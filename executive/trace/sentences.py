@@ -165,7 +165,7 @@ def _resumed(event: Event) -> str:
     resumed = event.payload
     assert isinstance(resumed, Resumed)
     actions = f"{resumed.actions} action{'s' * (resumed.actions != 1)}"
-    return f"The process had ended; another went on, after {actions}, with the world as it was in cycle {resumed.cycle}."
+    return f"The process had ended. Another went on after {actions}, in a world as it was in cycle {resumed.restored}."
 
 
 SENTENCES: Mapping[type, Callable[[Event], str]] = {

@@ -141,7 +141,7 @@ RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
     Started: st.builds(
         Started, names, names, tasks(), texts, st.integers(), st.dictionaries(texts, json_values, max_size=3)
     ),
-    Resumed: st.builds(Resumed, counts, counts, counts, counts, seconds),
+    Resumed: st.builds(Resumed, counts, counts, counts, counts, counts, seconds),
     Questions: st.builds(
         Questions, st.dictionaries(atoms, st.just("Is it there?"), max_size=3), texts, texts,
         st.just(("Yes", "No")), st.lists(texts, max_size=2).map(tuple),

@@ -1,0 +1,130 @@
+"""What a run is asked to do: all that decides how it goes, and the folder that keeps it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import time
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from executive.domain import Domain
+from executive.errors import InputError, nearest
+from executive.eye import EyeConfig
+from executive.monitoring import MonitorConfig
+from executive.policy import Settings
+from executive.trace.whole import write_whole
+
+CONFIG = "config.toml"
+"""The file in a run's folder that says what it was asked to do."""
+
+ESTIMATORS = ("oracle", "vlm", "none")
+
+
+@dataclass(frozen=True, slots=True)
+class RunConfig:
+    """All that decides how a run goes; `config.toml` in the run's folder holds the same.
+
+    `domain` is a folder or a shipped domain's name. `faults` are in the grammar of `executive.faults`. `grasp_noise`
+    is a standard deviation in m. `runs` is where the run's own folder is made, `name` what it is called. `tree` has
+    the trees that motions are searched for with in the trace. `eye` says how the estimator "vlm" sees, `monitor` what
+    is made of what is seen.
+    """
+
+    domain: str
+    problem: str | None = None
+    seed: int = 0
+    estimator: str = "oracle"
+    faults: tuple[str, ...] = ()
+    home_pose: bool = True
+    grasp_noise: float = 0.0
+    max_replans: int | None = None
+    max_actions: int | None = None
+    runs: Path = Path("runs")
+    name: str | None = None
+    viewer: bool = True
+    tree: bool = False
+    eye: EyeConfig | None = None
+    monitor: MonitorConfig = field(default_factory=MonitorConfig)
+
+    def __post_init__(self) -> None:
+        if self.estimator not in ESTIMATORS:
+            raise InputError(
+                f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator"
+            )
+        if self.estimator != "vlm" and self.eye is not None:
+            raise InputError(
+                f"{self.estimator!r} asks no model; --vlm and --server go with --estimator vlm", key="--estimator"
+            )
+        if not 0.0 <= self.grasp_noise <= 1.0:
+            raise InputError(f"a standard deviation in m, from 0 to 1, not {self.grasp_noise}", key="--grasp-noise")
+        if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):
+            raise InputError(f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'", key="--name")
+
+    def settings(self) -> Settings:
+        limits = {"max_replans": self.max_replans, "max_actions": self.max_actions}
+        return Settings(seed=self.seed, **{key: value for key, value in limits.items() if value is not None})
+
+
+def make_folder(config: RunConfig, domain: Domain) -> Path:
+    """The run's folder, with its configuration in it."""
+    if config.name is not None:
+        names = [config.name]
+    else:
+        stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{domain.name}-{domain.task.problem}-{config.seed}"
+        names = [stem, *(f"{stem}-{index}" for index in range(2, 100))]
+    for name in names:
+        folder = config.runs / name
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InputError(f"cannot be made: {error.strerror}", file=folder) from error
+        write_whole(folder / CONFIG, _toml(config).encode())
+        return folder
+    raise InputError("there is a run of this name already; choose another with --name", file=config.runs / names[0])
+
+
+def read_config(run: Path) -> RunConfig:
+    """The configuration of a run, from its folder.
+
+    Raises:
+        InputError: there is none in it, or a damaged one.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    file = run / CONFIG
+    try:
+        said = tomllib.loads(file.read_text(encoding="utf-8"))
+        return TypeAdapter(RunConfig).validate_python(said)
+    except FileNotFoundError:
+        raise InputError("is missing: it is not known what the run was asked to do", file=file) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(first["msg"], file=file, key=".".join(map(str, first["loc"]))) from None
+    except InputError as error:
+        raise InputError(error.message, file=file, key=error.key) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is not TOML: {error}", file=file) from None
+
+
+def _toml(config: RunConfig) -> str:
+    lines = ["# All that decides how this run went.", *_settings(config)]
+    for name, table in (("eye", config.eye), ("monitor", config.monitor)):
+        lines += ["", f"[{name}]", *_settings(table)] if table is not None else []
+    return "\n".join(lines) + "\n"
+
+
+def _settings(config: RunConfig | EyeConfig | MonitorConfig) -> list[str]:
+    """A line for everything that is set. A JSON string, number, boolean or array of strings is a TOML one."""
+    values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
+    return [
+        f"{name} = {json.dumps(str(value) if isinstance(value, Path) else value)}".replace("\x7f", "\\u007f")
+        for name, value in values.items()
+        if value is not None and not isinstance(value, EyeConfig | MonitorConfig)
+    ]
