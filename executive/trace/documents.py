@@ -6,7 +6,7 @@ every text goes through `plain` on its way there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 from executive.trace.look_line import Change, LookLine
 from executive.trace.story import AtomLine, Mark, Standing, StepLine, Story
@@ -25,6 +25,8 @@ _STANDINGS = {Standing.SURPRISE: "✗", Standing.DOUBT: "?", Standing.EXPECTED: 
 _DRAWN = {*map(chr, range(0x20, 0x7F)), *map(chr, range(0xA1, 0x100)), *"\n→←↑↓•…≥≤≠", *MARKS.values()} - {"\xad"}
 _MARKDOWN = frozenset("\\`*_|<>[]#~$")
 _ROWS, _CHANGES = 12, 8
+_BRIEF = 12
+"""A note of so many letters goes beside the action that it is about."""
 _KINDS = {
     LookKind.CLOSER: "closer: ",
     LookKind.MOVED: "with the arm out of the way: ",
@@ -87,7 +89,11 @@ def look(story: Story) -> str:
     last, glance = story.seeing.last, story.seeing.glance
     if last is None:
         return ""
-    lines = [_taken(last), ""]
+    lines = []
+    if glance is not None and glance.id > last.id:
+        answers = ", ".join(f"{atom} {value:.2f}" for atom, value in glance.answers.items())
+        lines += [f"**glance {glance.id}**, while it is carried: **{escaped(answers) or 'no answer'}**", ""]
+    lines += [_taken(last, frozenset(story.seeing.seen_in)), ""]
     if last.changes:
         rows = [_change(change) for change in last.changes[:_CHANGES]]
         lines += _table(["atom", "was", "is now", "P(true)"], rows)
@@ -96,9 +102,6 @@ def look(story: Story) -> str:
         lines.append("what it shows was known before" if story.decisions else "the first look")
     notes = [*map(_clash, last.contradictions), *map(_overruled, last.overruled)]
     notes += [f"camera {camera} left out: {why}" for camera, why in story.seeing.blinded.items()]
-    if glance is not None and glance.id > last.id:
-        answers = ", ".join(f"{atom} {value:.2f}" for atom, value in glance.answers.items())
-        notes.append(f"glance {glance.id}, while it is carried: {answers or 'no answer'}")
     return "\n".join([*lines, "", *(f"- {escaped(note)}" for note in notes)])
 
 
@@ -109,8 +112,9 @@ def log_line(decision: Decision) -> str:
 
 def step_label(line: StepLine) -> str:
     """A step as a node of the plan's graph."""
-    tail = f"\n({line.note})" if line.note else ""
-    return plain("\n".join((f"{MARKS[line.mark]} {line.step.action}", *line.step.args)) + tail)
+    brief = 0 < len(line.note) <= _BRIEF
+    head = f"{MARKS[line.mark]} {line.step.action}{f' ({line.note})' if brief else ''}"
+    return plain("\n".join((head, *line.step.args, *([f"({line.note})"] if line.note and not brief else []))))
 
 
 def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
@@ -124,15 +128,15 @@ def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
 
 
 def _alarm(lines: Sequence[AtomLine]) -> list[str]:
-    """What stands out at once: how many surprises there are, in red, or else doubts."""
-    for standing, kind, what in (
-        (Standing.SURPRISE, "CAUTION", "not as expected"),
-        (Standing.DOUBT, "WARNING", "cannot be told"),
-    ):
-        count = sum(line.standing is standing for line in lines)
-        if count:
-            return [f"> [!{kind}]", f"> **{count} of {len(lines)} {what}**", ""]
-    return []
+    """What stands out at once: how many surprises and doubts there are, in large letters. (The viewer's Markdown has no
+    colours, and its boxes for warnings begin with glyphs that its fonts lack.)"""
+    counts = {Standing.SURPRISE: "not as expected", Standing.DOUBT: "cannot be told"}
+    told = [
+        f"{_STANDINGS[standing]} {count} {what}"
+        for standing, what in counts.items()
+        if (count := sum(line.standing is standing for line in lines))
+    ]
+    return [f"### {', '.join(told)}", ""] if told else []
 
 
 def _note(story: Story, atom: Atom) -> str:
@@ -146,12 +150,12 @@ def _note(story: Story, atom: Atom) -> str:
     return ""
 
 
-def _taken(last: LookLine) -> str:
-    """Which look it was, and what it took."""
+def _taken(last: LookLine, cameras: Set[str]) -> str:
+    """Which look it was, and what it took: through which of the `cameras`, unless it was all of them."""
     cause = f", {escaped(last.cause)}" if last.cause else ""
     how = _KINDS.get(last.kind, "") if last.kind else ""
     asked = f"{last.questions} of {last.atoms} atoms" if last.atoms else f"{last.questions} atoms"
-    through = f" through {escaped(', '.join(last.cameras))}" if last.cameras else ""
+    through = f" through {escaped(', '.join(last.cameras))}" if last.cameras and set(last.cameras) < cameras else ""
     return f"**look {last.id}**{cause}: {how}{asked}{through}" if last.id >= 0 else "**told, not seen**"
 
 
@@ -174,7 +178,11 @@ def _overruled(wrong: Overruled) -> str:
 def _row(line: AtomLine) -> list[str]:
     probability = "?" if line.probability is None else f"{line.probability:.2f}"
     cells = [_STANDINGS[line.standing], escaped(str(line.atom)), "true" if line.expected else "false", probability]
-    return cells if line.standing is Standing.EXPECTED else [f"**{cell}**" for cell in cells]
+    if line.standing is Standing.EXPECTED:
+        return cells
+    # Atoms have no character that would end the code span.
+    cells[1] = f"`{line.atom}`"
+    return [f"**{cell}**" for cell in cells]
 
 
 def _doing(story: Story) -> str:

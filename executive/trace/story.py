@@ -164,7 +164,7 @@ class Story:
                 else:
                     self.looks += 1
                     self.phase = "look"
-            case Belief(probability=probability, unanswered=unanswered):
+            case Belief(probability=probability, unanswered=unanswered) if not self.at_work:  # a glance is the guard's
                 self.probability.update(probability)
                 for atom in unanswered:
                     self.probability.pop(atom, None)

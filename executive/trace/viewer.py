@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import rerun as rr
@@ -51,6 +52,8 @@ APPLICATION = "executive"
 _FRAMES_AT_ONCE, _FRAMES_LIVE = 64, 2
 _STAGE_NAMES = {"observe": "look", "estimate": "judge", "plan": "plan", "guard": "guard"}
 """The stages of the loop as the viewer calls them; "move" is what skills do."""
+_TICK, _TICK_LIVE = timedelta(seconds=60), timedelta(seconds=0.2)
+"""How long a row waits for others to be written with, unless a decision comes first."""
 _PATIENCE = 5.0
 """Wall seconds to wait for a live viewer that does not take what it is sent."""
 
@@ -77,7 +80,11 @@ class RerunSink:
             path.touch()
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror})", file=path) from None
-        self._record = rr.RecordingStream(APPLICATION, recording_id=path.parent.resolve().name)
+        # A file grows by a kilobyte with each piece that is written; whoever looks on does not want to wait for more.
+        pieces = rr.ChunkBatcherConfig.DEFAULT()
+        pieces.flush_tick = _TICK_LIVE if viewer else _TICK
+        name = path.parent.resolve().name
+        self._record = rr.RecordingStream(APPLICATION, recording_id=name, batcher_config=pieces)
         self._record.set_log_time_enabled(False)  # `wall` says when, and repeats
         self._record.set_log_tick_enabled(False)
         self._record.set_sinks(rr.FileSink(path), *([rr.GrpcSink(viewer)] if viewer else []))

@@ -26,7 +26,7 @@ WORLD, CAMERAS, PLAN, LOG = "world", "world/cameras", "plan", "log"
 BELIEF, LOOK, STATUS, NOW, BELIEVED = "belief", "look", "status", "now", "believed"
 PROBABILITY, ANSWERS, THRESHOLDS = "probability", "answers", "thresholds"
 
-GRAPH_WIDTH, GRAPH_HEIGHT = 1150.0, 240.0
+GRAPH_WIDTH, GRAPH_HEIGHT = 1040.0, 168.0
 """What the plan's panel shows, in its own units; the plan is laid out within (see `executive.trace.viewer_plan`)."""
 
 
@@ -34,7 +34,7 @@ def blueprint(cameras: Sequence[Camera], pictures: Sequence[str]) -> rrb.Bluepri
     """The layout for these cameras of the scene and these pictures."""
     seen: list[rrb.View | rrb.Container] = [_scene(cameras)] if cameras else []
     look = rrb.TextDocumentView(origin=LOOK, name="what the last look changed")
-    seen.append(rrb.Vertical(_pictures(pictures), look, row_shares=[66, 34]) if pictures else look)
+    seen.append(rrb.Vertical(_pictures(pictures), look, row_shares=[60, 40]) if pictures else look)
     world = rrb.Vertical(
         rrb.Horizontal(*seen, column_shares=[46, 54] if cameras else [100]),
         rrb.GraphView(
@@ -47,7 +47,7 @@ def blueprint(cameras: Sequence[Camera], pictures: Sequence[str]) -> rrb.Bluepri
             rrb.StateTimelineView(origin=BELIEVED, name="what was believed"),
             column_shares=[50, 50],
         ),
-        row_shares=[45, 22, 33],
+        row_shares=[47, 20, 33],
     )
     mind = rrb.Vertical(
         rrb.TextDocumentView(origin=STATUS, name="run"),
@@ -60,7 +60,7 @@ def blueprint(cameras: Sequence[Camera], pictures: Sequence[str]) -> rrb.Bluepri
             plot_legend=rrb.PlotLegend(visible=False),
         ),
         rrb.TextLogView(origin=LOG, name="decisions and faults", columns=_log_columns()),
-        row_shares=[18, 27, 20, 35],
+        row_shares=[17, 30, 20, 33],
     )
     return rrb.Blueprint(
         rrb.Horizontal(world, mind, column_shares=[65, 35]),
@@ -125,7 +125,7 @@ def _forward(camera: Camera) -> FloatArray:
 
 def _log_columns() -> rrb.TextLogColumns:
     return rrb.TextLogColumns(
-        timeline_columns=[encodings.TimelineColumn(CYCLE), encodings.TimelineColumn(SIM_TIME)],
+        timeline_columns=[encodings.TimelineColumn(CYCLE)],
         text_log_columns=[
             encodings.TextLogColumn(encodings.TextLogColumnKind.LogLevel),
             encodings.TextLogColumn(encodings.TextLogColumnKind.Body),

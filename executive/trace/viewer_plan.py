@@ -14,6 +14,8 @@ from executive.trace.viewer_colours import COLOUR_OF, WHITE, Colour
 
 ROWS, COLUMNS = 3, 10
 """How much is shown at once: the last plans, and of a longer plan the steps around the current one."""
+MARGIN = 48.0
+"""From the edge to the middle of a row's first and last node, in the panel's units."""
 
 
 @dataclass
@@ -35,16 +37,16 @@ def plan_graph(story: Story) -> tuple[rr.GraphNodes, rr.GraphEdges]:
     """The last plans of the run with how each step stands."""
     graph, plans = _Graph(), story.plans[-ROWS:]
     windows = [_window(plan.lines) for plan in plans]
-    columns = 1 + max((len(window) for _, window, _ in windows), default=0)
-    across = min(GRAPH_WIDTH / max(columns, 1), 260.0)
+    longest = max((len(window) for _, window, _ in windows), default=0)
+    across = min((GRAPH_WIDTH - 2 * MARGIN) / max(longest, 1), 170.0)
     down = GRAPH_HEIGHT / (len(plans) or 1)
     for row, (plan, (before, lines, after)) in enumerate(zip(plans, windows, strict=True)):
         y = (row + 0.5) * down
         previous = f"plan {plan.number}"
-        graph.add(previous, _title(plan, before, after), WHITE, across / 2, y)
+        graph.add(previous, _title(plan, before, after), WHITE, MARGIN, y)
         for column, line in enumerate(lines, start=1):
             node = f"{plan.number}.{before + column}"
-            graph.add(node, step_label(line), COLOUR_OF[line.mark], (column + 0.5) * across, y)
+            graph.add(node, step_label(line), COLOUR_OF[line.mark], MARGIN + column * across, y)
             graph.edges.append((previous, node))
             previous = node
     return (

@@ -13,9 +13,9 @@ from executive.trace.grip import Grip
 from executive.trace.look_line import LookLine
 from executive.trace.pictures import to_jpeg
 from executive.trace.viewer_blueprint import CAMERAS, WORLD
-from executive.trace.viewer_colours import AMBER, BLUE, CYAN, DIM, RED, WHITE, Colour
+from executive.trace.viewer_colours import AMBER, BLUE, CYAN, DIM, RED, Colour
 from executive.trace.viewer_parts import mesh, pinhole, stamp, time_columns
-from executive.types import Camera, Event, FloatArray, Frame, Motion, Observation, Scenery
+from executive.types import Camera, Event, FloatArray, Frame, LookKind, Motion, Observation, Scenery
 
 _STILL = 2e-4
 """A body whose pose (m, quaternion) differs by no more than this from what was logged last has not moved."""
@@ -41,6 +41,7 @@ class Scene:
         self._path: list[tuple[FloatArray, Colour]] = []
         self._grip = Grip(())
         self._sizes: dict[str, tuple[int, int]] = {}
+        self._marked: dict[str, tuple[Colour, str]] = {}
         self.cameras: Sequence[Camera] = ()
         self.pictures: Sequence[str] = ()
 
@@ -97,25 +98,33 @@ class Scene:
 
     def show_look(self, look: LookLine, seen_in: Mapping[str, int], blinded: Mapping[str, str]) -> None:
         """Which cameras took part in a look: a frame around their pictures, and a word where a picture is an old one or
-        tells nothing."""
-        for name, (width, height) in self._sizes.items():
-            took_part, why = name in map(plain, look.cameras), blinded.get(name, "")
-            colour = RED if why else BLUE if took_part else DIM
-            caption = f"left out: {why}" if why else "" if took_part else f"of look {seen_in.get(name, look.id)}"
-            border = rr.Boxes2D(
-                mins=[[1, 1]], sizes=[[width - 2, height - 2]], colors=colour, radii=rr.Radius.ui_points(1.5)
-            )
-            self._record.log([*_camera(name), "border"], border)
-            corner = rr.Points2D(
-                [[width / 2, height * 0.9]],
-                radii=0.0,
-                colors=colour if why else WHITE,
-                labels=[plain(caption)] if caption else None,
-                show_labels=bool(caption),
-            )
-            self._record.log([*_camera(name), "caption"], corner)
-            if any(plain(camera.name) == name for camera in self.cameras):
-                self._record.log(_camera(name), rr.Pinhole.from_fields(color=colour))
+        tells nothing. A glance at what is carried is marked on its own cameras alone."""
+        glance, cameras = look.kind is LookKind.GUARD, {plain(camera) for camera in look.cameras}
+        for name, size in self._sizes.items():
+            took_part, why = name in cameras, blinded.get(name, "")
+            if glance and not took_part:
+                continue
+            colour, caption = (AMBER, "glance") if glance else (BLUE, "") if took_part else (DIM, "")
+            if why:
+                colour, caption = RED, f"left out: {why}"
+            elif not took_part:
+                caption = f"of look {seen_in.get(name, look.id)}"
+            if self._marked.get(name) != (colour, caption):
+                self._marked[name] = colour, caption
+                self._mark(name, size, colour, caption)
+
+    def _mark(self, name: str, size: tuple[int, int], colour: Colour, caption: str) -> None:
+        width, height = size
+        border = rr.Boxes2D(
+            mins=[[1, 1]], sizes=[[width - 2, height - 2]], colors=colour, radii=rr.Radius.ui_points(1.5)
+        )
+        self._record.log([*_camera(name), "border"], border)
+        below = rr.Points2D(
+            [[width / 2, height * 0.9]], radii=0.0, colors=colour, labels=[plain(caption)], show_labels=bool(caption)
+        )
+        self._record.log([*_camera(name), "caption"], below)
+        if any(plain(camera.name) == name for camera in self.cameras):
+            self._record.log(_camera(name), rr.Pinhole.from_fields(color=colour))
 
     def begin_action(self) -> None:
         """What the arm did before is over."""
