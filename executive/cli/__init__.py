@@ -6,6 +6,7 @@ Exit codes: 0 goal reached, 1 not reached, 2 bad input, 3 something is missing o
 Everything heavy is imported inside the command that needs it, so that `executive --help` answers at once.
 """
 
+from executive.cli.benching import bench
 from executive.cli.frame import BAD_INPUT, BUG, INTERRUPTED, NOT_REACHED, REACHED, Settings, app, exit_code, main
 from executive.cli.house import doctor, domains, faults, new
 from executive.cli.replaying import replay
@@ -22,6 +23,7 @@ app.command()(collect)
 app.command("eval")(evaluate)
 app.command()(calibrate)
 app.command()(train)
+app.command()(bench)
 app.command()(explain)
 app.command()(replay)
 app.command()(inspect)

@@ -1,0 +1,118 @@
+"""Campaigns: many runs under many conditions, scored and compared."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, one_line
+from executive.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from executive.lab.campaign.crew import Crew
+
+ENGINES = ("processes", "ray")
+
+
+def bench(
+    campaign: Annotated[
+        Path | None, typer.Argument(help="A campaign's file, such as benchmarks/campaigns/grasp-drop.toml.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The folder for everything, to be gone on with later; campaigns/NAME if not given."),
+    ] = None,
+    only: Annotated[list[str] | None, typer.Option(help="Only this contender; repeat it for more.")] = None,
+    seeds: Annotated[int | None, typer.Option(min=1, help="Only the first so many seeds.")] = None,
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Play those again that could not be played to an end.")
+    ] = False,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Episodes at a time; as many as there are cores.")] = None,
+    engine: Annotated[str, typer.Option(help="Who plays: processes of this machine, or ray.")] = "processes",
+    address: Annotated[str | None, typer.Option(help="Of a Ray cluster, for --engine ray.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Play nothing: report what there is in this folder.")] = None,
+    compare: Annotated[
+        tuple[str, str] | None,
+        typer.Option(help="Play nothing: compare two folders, or FOLDER:CONTENDER with another.", metavar="A B"),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
+) -> int:
+    """Play a campaign: problems, seeds and faults, met by several estimators and monitors; scored by the truth.
+
+    Ends with 0 where all episodes were played, with 1 where some could not be.
+    """
+    if (campaign is not None) + (report is not None) + (compare is not None) != 1:
+        raise InputError("name a campaign's file, or a folder with --report, or two with --compare", key="bench")
+    if compare is not None:
+        return _compare(*compare, as_json)
+    if report is not None:
+        return _report(report, as_json)
+    assert campaign is not None
+    if engine not in ENGINES:
+        raise InputError(f"no engine {engine!r}; {nearest(engine, ENGINES)}", key="--engine")
+    if address is not None and engine != "ray":
+        raise InputError("goes with --engine ray", key="--address")
+
+    from executive import machine
+
+    machine.require()
+
+    from executive.lab.campaign.bench import Bench
+    from executive.lab.campaign.crew import Processes
+    from executive.lab.campaign.episode import Simulated
+    from executive.lab.campaign.on_ray import OnRay
+    from executive.lab.campaign.reading import check, read_campaign
+    from executive.lab.progress import told
+
+    design = read_campaign(campaign)
+    folder = out or Path("campaigns") / campaign.stem
+    again = ["executive", "bench", str(campaign), *(["--out", str(out)] if out is not None else [])]
+    with Bench(design, folder, shlex.join(again), _warn) as work:
+        wanted = work.wanted(only or (), seeds)
+        if retry:
+            work.retry()
+        if missing := work.missing(wanted):
+            check(missing)
+            crew: Crew
+            if engine == "ray":
+                crew = OnRay(Simulated, jobs, 60 * design.minutes, address)
+            else:
+                crew = Processes(partial(Simulated, work.work), jobs, 60 * design.minutes)
+            with crew, ctrl_c(work.cancel), told(sys.stderr, "episodes") as watch:
+                if not work.play(wanted, crew, watch):
+                    print(f"interrupted; finished episodes are kept, go on with: {shlex.join(again)}", file=sys.stderr)
+                    return INTERRUPTED
+    return _report(folder, as_json)
+
+
+def _report(folder: Path, as_json: bool) -> int:
+    from executive.lab.campaign import report
+    from executive.lab.campaign.results import load_results
+    from executive.lab.campaign.tables import markdown
+
+    results = load_results(folder, _warn)
+    document = report.write(folder, results)
+    if as_json:
+        print(json.dumps({**document, "report": str(folder / report.PAGE)}, indent=2))
+    else:
+        print(f"{markdown(results)}\nreport: {folder / report.PAGE}")
+    return NOT_REACHED if document["failed"] else REACHED
+
+
+def _compare(first: str, second: str, as_json: bool) -> int:
+    from executive.lab.campaign import compare
+    from executive.lab.campaign.tables import compared
+
+    pairs = compare.compare(first, second)
+    print(json.dumps(compare.document(pairs), indent=2) if as_json else compared(pairs))
+    return REACHED
+
+
+def _warn(line: str) -> None:
+    print(f"warning: {one_line(line)}", file=sys.stderr)

@@ -1,0 +1,1 @@
+"""Campaigns: many episodes under many conditions, played side by side, scored, and compared (`executive bench`)."""

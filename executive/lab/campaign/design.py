@@ -1,0 +1,132 @@
+"""What a campaign is: problems, faults, seeds, and contenders that all meet the same of these.
+
+A *contender* is an estimator with a monitor; one that does not look has no monitor. The file that says all this is read
+by `executive.lab.campaign.reading`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from executive.assemble import RunConfig
+from executive.eye import EyeConfig
+from executive.monitoring import MonitorConfig
+from executive.trace.codec import encode
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A problem of a domain, by their names; `where` and `which` are what a run calls them, `files` tells whether they
+    are what they were."""
+
+    domain: str
+    problem: str
+    where: str
+    which: str | None = None
+    files: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.domain}/{self.problem}"
+
+
+@dataclass(frozen=True, slots=True)
+class Contender:
+    """An estimator with a monitor, by their names and as a run has them. One that does not look has no monitor."""
+
+    estimator: str
+    monitor: str = ""
+    kind: str = "oracle"
+    eye: EyeConfig | None = None
+    judge: MonitorConfig = field(default_factory=MonitorConfig)
+    model: str = ""
+    """Tells whether the eye's model is what it was."""
+
+    def __str__(self) -> str:
+        return f"{self.estimator}, {self.monitor}" if self.monitor else self.estimator
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """One run of a campaign."""
+
+    place: Place
+    faults: str
+    contender: Contender
+    seed: int
+    config: RunConfig
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What tells it from all others of its campaign, in the order of `KEYS`."""
+        who = self.contender
+        return (self.place.domain, self.place.problem, self.faults, who.estimator, who.monitor, str(self.seed))
+
+
+KEYS = ("domain", "problem", "faults", "estimator", "monitor", "seed")
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """Everything that a campaign plays. `options` are those of `RunConfig` that hold for all episodes, `minutes` how
+    long one may take on the wall's clock."""
+
+    title: str
+    seeds: tuple[int, ...]
+    places: tuple[Place, ...]
+    contenders: tuple[Contender, ...]
+    faults: Mapping[str, tuple[str, ...]]
+    options: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    minutes: float = 20.0
+    about: str = ""
+
+    def episodes(self) -> Iterator[Episode]:
+        """All of them, seed by seed: what is there after a while is a smaller campaign of the same kind."""
+        for seed in self.seeds:
+            for place in self.places:
+                for faults, specs in self.faults.items():
+                    for who in self.contenders:
+                        config = RunConfig(
+                            place.where,
+                            place.which,
+                            seed,
+                            who.kind,
+                            specs,
+                            eye=who.eye,
+                            monitor=who.judge,
+                            viewer=False,
+                            **self.options,
+                        )
+                        yield Episode(place, faults, who, seed, config)
+
+    @property
+    def size(self) -> int:
+        """How many episodes there are."""
+        return len(self.seeds) * len(self.places) * len(self.faults) * len(self.contenders)
+
+    def described(self) -> dict[str, Any]:
+        """What decides an episode, by the names that its key has."""
+        contenders = {
+            str(who): {
+                "estimator": who.kind,
+                "eye": None if who.eye is None else _named(encode(who.eye)),
+                "model": who.model,
+                "monitor": None if who.kind == "none" else _named(encode(who.judge)),
+            }
+            for who in self.contenders
+        }
+        return {
+            "places": {str(place): place.files for place in self.places},
+            "faults": {name: list(specs) for name, specs in self.faults.items()},
+            "contenders": contenders,
+            "options": dict(self.options),
+        }
+
+
+def _named(options: dict[str, Any]) -> dict[str, Any]:
+    """Options with the names of files and folders alone: where they lie makes no difference."""
+    paths = {key: Path(value) for key in ("vlm", "calibration", "trust") if (value := options.get(key)) is not None}
+    return {**options, **{key: path.name for key, path in paths.items() if path.exists()}}

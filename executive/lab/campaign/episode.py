@@ -1,0 +1,170 @@
+"""One episode, played and scored: a row of the campaign's record."""
+
+from __future__ import annotations
+
+import shlex
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from executive.assemble import Run, RunConfig
+from executive.errors import ExecutiveError
+from executive.lab.campaign.design import KEYS, Episode
+from executive.lab.campaign.scoring import Scorer, Strike, Tally
+from executive.trace.report import Summary
+from executive.types import Facts
+
+if TYPE_CHECKING:
+    from executive.eye import EyeConfig
+    from executive.s3e.estimator import S3E
+
+FAILED = "failed"
+"""The outcome of an episode that could not be played to an end: a bug, a set-up that is wrong, a process that died."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What an episode came to, as its line in the record.
+
+    The first six say which episode it is. `outcome` is the run's or `FAILED`, and then `error` says why. `strikes` and
+    the four counts are those of `executive.lab.campaign.scoring`. `lost` are the items that no atom is true of at the
+    end, so that nobody can reach them. `sim_seconds` is the world's time; of all, only `wall_seconds` is another one
+    each time. `command` carries the same run out again.
+    """
+
+    domain: str
+    problem: str
+    faults: str
+    estimator: str
+    monitor: str
+    seed: int
+    outcome: str
+    command: str
+    error: str = ""
+    goal_seen: bool = False
+    goal_true: bool = False
+    actions: int = 0
+    replans: int = 0
+    looks: int = 0
+    questions: int = 0
+    strikes: tuple[Strike, ...] = ()
+    quiet: int = 0
+    alarms: int = 0
+    failed: int = 0
+    missed: int = 0
+    lost: tuple[str, ...] = ()
+    sim_seconds: float = 0.0
+    wall_seconds: float = 0.0
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """See `executive.lab.campaign.design.Episode.key`."""
+        return tuple(str(getattr(self, name)) for name in KEYS)
+
+
+Player = Callable[[Episode], Row]
+"""Plays an episode. It may raise anything; whoever has it play makes a row of that, too."""
+
+
+class Simulated:
+    """Plays episodes in the simulator. Models stay open from one episode to the next.
+
+    Args:
+        work: where runs have their folders while they go on; a place of the system's if not given.
+    """
+
+    def __init__(self, work: Path | None = None) -> None:
+        self._work = work
+        self._eyes: dict[tuple[str, str, EyeConfig], S3E] = {}
+
+    def __call__(self, episode: Episode) -> Row:
+        with tempfile.TemporaryDirectory(dir=self._work, prefix="episode-") as runs:
+            config = replace(episode.config, runs=Path(runs))
+            scorer = Scorer(lambda: run.truth.of(run.domain.task.atoms), config.estimator != "none")
+            with Run(config, [scorer], self._open(episode)) as run:
+                summary = run.execute()
+                truth, items = run.truth.of(run.domain.task.atoms), run.world.items
+        return row(episode, summary, scorer.tally, out_of_reach(truth, items))
+
+    def _open(self, episode: Episode) -> S3E | None:
+        """The eye of an episode that has one: the one that is open, or in its place another one."""
+        config = episode.config
+        if config.estimator != "vlm":
+            return None
+        from executive.domain import load_domain
+        from executive.eye import EyeConfig, open_eye
+
+        key = (config.domain, episode.place.problem, config.eye or EyeConfig())
+        if key not in self._eyes:
+            self._eyes.clear()
+            self._eyes[key] = open_eye(key[2], load_domain(config.domain, config.problem).subject)
+        return self._eyes[key]
+
+
+def row(episode: Episode, summary: Summary, tally: Tally, lost: Sequence[str]) -> Row:
+    """The row of an episode that came to an end."""
+    return Row(
+        **_which(episode),
+        outcome=summary["outcome"],
+        goal_seen=summary["goal_seen"],
+        goal_true=bool(summary["goal_true"]),
+        actions=summary["actions"],
+        replans=summary["replans"],
+        looks=summary["looks"],
+        questions=summary["looking"]["questions"],
+        strikes=tuple(tally.strikes),
+        quiet=tally.quiet,
+        alarms=tally.alarms,
+        failed=tally.failed,
+        missed=tally.missed,
+        lost=tuple(lost),
+        sim_seconds=summary["sim_seconds"],
+        wall_seconds=summary["wall_seconds"]["total"],
+    )
+
+
+def failure(episode: Episode, why: Exception | str, seconds: float = 0.0) -> Row:
+    """The row of an episode that could not be played to an end."""
+    known = isinstance(why, str | ExecutiveError)
+    told = " ".join((str(why) if known else f"{type(why).__name__}: {why}").split())
+    return Row(**_which(episode), outcome=FAILED, error=told, wall_seconds=round(seconds, 3))
+
+
+def out_of_reach(truth: Facts, items: Sequence[str]) -> tuple[str, ...]:
+    """The items that no atom is true of."""
+    told = {name for atom in truth.true for name in atom.args}
+    return tuple(item for item in items if item not in told)
+
+
+def command(config: RunConfig) -> str:
+    """The command that carries a run out again."""
+    words = ["executive", "run", config.domain]
+    eye, judge = config.eye, config.monitor
+    options: dict[str, object] = {
+        "--problem": config.problem,
+        "--seed": config.seed,
+        "--estimator": config.estimator,
+        "--grasp-noise": config.grasp_noise or None,
+        "--max-replans": config.max_replans,
+        "--max-actions": config.max_actions,
+        "--alpha": judge.alpha,
+        "--threshold": judge.threshold,
+        "--trust": judge.trust,
+    }
+    flags = {"--no-home-pose": not config.home_pose, "--no-memory": not judge.memory}
+    if eye is not None:
+        options |= {"--vlm": eye.vlm, "--server": eye.server, "--llm": eye.llm, "--calibration": eye.calibration}
+        options["--translator"] = eye.translator if eye.translator != "templates" else None
+        flags |= {"--no-instructions": not eye.instructions, "--per-image": eye.per_image}
+    for name, value in options.items():
+        words += [name, str(value)] if value is not None else []
+    words += [word for spec in config.faults for word in ("--fault", spec)]
+    return shlex.join([*words, *(flag for flag, given in flags.items() if given)])
+
+
+def _which(episode: Episode) -> dict[str, Any]:
+    domain, problem, faults, estimator, monitor, _ = episode.key
+    named = {"domain": domain, "problem": problem, "faults": faults, "estimator": estimator, "monitor": monitor}
+    return {**named, "seed": episode.seed, "command": command(episode.config)}

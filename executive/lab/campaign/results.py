@@ -1,0 +1,257 @@
+"""What a campaign came to: for each condition and contender, each metric with its interval. What a metric is stands in
+`METRICS`, and in every report."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+from typing import Any, NamedTuple
+
+from executive.lab.campaign.bench import read_manifest
+from executive.lab.campaign.episode import FAILED, Row
+from executive.lab.campaign.intervals import RESAMPLES, Interval, bootstrap, wilson
+from executive.lab.campaign.rows import read_rows
+from executive.types import OutcomeKind
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """Something that is measured. `of` is what one episode says of it, None where it says nothing: of a share 0 or 1,
+    of any other metric a number in `unit`."""
+
+    name: str
+    head: str
+    definition: str
+    of: Callable[[Row], float | None]
+    share: bool = True
+    unit: str = ""
+
+    @property
+    def interval(self) -> str:
+        """How its interval is found."""
+        return "Wilson" if self.share else "bootstrap"
+
+
+def succeeded(row: Row) -> bool:
+    return row.outcome == OutcomeKind.GOAL_REACHED and row.goal_true
+
+
+def _delay(row: Row) -> float | None:
+    noticed = [strike.noticed for strike in row.strikes if strike.noticed is not None]
+    return fmean(noticed) if noticed else None
+
+
+def _played(row: Row, value: float) -> float | None:
+    return None if row.outcome == FAILED else value
+
+
+METRICS = (
+    Metric(
+        "success",
+        "success",
+        "Of all episodes: the run ends as goal-reached, and in truth the goal holds.",
+        lambda row: float(succeeded(row)),
+    ),
+    Metric(
+        "recovery",
+        "recovery",
+        "Success, of the episodes in which at least one fault struck.",
+        lambda row: float(succeeded(row)) if row.strikes else None,
+    ),
+    Metric(
+        "false_success",
+        "false success",
+        "Of all episodes: the run ends as goal-reached, and in truth the goal does not hold.",
+        lambda row: float(row.outcome == OutcomeKind.GOAL_REACHED and not row.goal_true),
+    ),
+    Metric(
+        "false_alarm",
+        "false alarm",
+        "Of the episodes with an action whose outcome was looked at and was in truth as expected: after at least one "
+        "of these actions it was taken to be otherwise, all looks at it considered.",
+        lambda row: float(row.alarms > 0) if row.quiet else None,
+    ),
+    Metric(
+        "missed",
+        "missed",
+        "Of the episodes with an action whose outcome was looked at and was in truth not as expected: after at least "
+        "one of these actions nothing of that was noticed.",
+        lambda row: float(row.missed > 0) if row.failed else None,
+    ),
+    Metric(
+        "lost",
+        "item lost",
+        "Of all episodes: at the end an item lies where no atom is true of it (on the floor), out of everyone's reach.",
+        lambda row: _played(row, float(bool(row.lost))),
+    ),
+    Metric(
+        "replans",
+        "replans",
+        "Plans that were taken up after the first, an episode.",
+        lambda row: _played(row, row.replans),
+        share=False,
+    ),
+    Metric(
+        "delay",
+        "detection delay",
+        "From a fault's striking to the first true sign of trouble (a skill that reports it, what is carried seen to "
+        "be gone, a camera left out, no plan, an atom rightly seen to be not as expected), in simulated seconds: the "
+        "mean over an episode's faults that were noticed. One that does not look notices nothing.",
+        _delay,
+        share=False,
+        unit="s",
+    ),
+    Metric(
+        "time",
+        "time",
+        "An episode's length in simulated seconds, whatever it came to.",
+        lambda row: _played(row, row.sim_seconds),
+        share=False,
+        unit="s",
+    ),
+)
+"""In the order in which they are shown."""
+
+HOW = (
+    "Every number has a 95 % interval in brackets. That of a share is Wilson's; that of a mean over episodes is a "
+    f"percentile bootstrap with {RESAMPLES:,} resamples of the episodes. An episode that could not be played to an end "
+    "(failed) is no success, and counts for nothing else."
+)
+
+
+class Value(NamedTuple):
+    """A metric's value over some episodes: a mean, of a share of zeros and ones; None where none says anything."""
+
+    value: float | None
+    interval: Interval | None
+    episodes: int
+
+
+class Cell(NamedTuple):
+    """What one contender did under one condition."""
+
+    domain: str
+    problem: str
+    faults: str
+    estimator: str
+    monitor: str
+    rows: tuple[Row, ...]
+    values: Mapping[str, Value]
+
+    @property
+    def contender(self) -> str:
+        return contender(self.estimator, self.monitor)
+
+    @property
+    def condition(self) -> tuple[str, str, str]:
+        return (self.domain, self.problem, self.faults)
+
+
+class Results(NamedTuple):
+    """A campaign's manifest, and its cells in the order of its file."""
+
+    manifest: Mapping[str, Any]
+    cells: tuple[Cell, ...]
+
+    @property
+    def rows(self) -> list[Row]:
+        return [row for cell in self.cells for row in cell.rows]
+
+    @property
+    def contenders(self) -> list[str]:
+        return list(dict.fromkeys(cell.contender for cell in self.cells))
+
+    def document(self) -> dict[str, Any]:
+        """Everything as JSON."""
+        rows, manifest = self.rows, self.manifest
+        return {
+            "title": manifest["title"],
+            "about": manifest["about"],
+            "command": manifest["command"],
+            "episodes": len(rows),
+            "wanted": manifest["episodes"],
+            "failed": sum(row.outcome == FAILED for row in rows),
+            "intervals": HOW,
+            "metrics": {
+                metric.name: {
+                    "definition": metric.definition,
+                    "share": metric.share,
+                    "unit": metric.unit,
+                    "interval": metric.interval,
+                }
+                for metric in METRICS
+            },
+            "cells": [_cell(cell) for cell in self.cells],
+            "campaign": manifest["campaign"],
+        }
+
+
+def load_results(folder: Path, warn: Callable[[str], None] = lambda line: None) -> Results:
+    """What there is of a campaign in its folder. Rows of what is not in its file any more are left out.
+
+    Raises:
+        InputError: there is no campaign, or its files cannot be read.
+    """
+    manifest = read_manifest(folder)
+    return results(manifest, list(read_rows(folder, warn).values()))
+
+
+def results(manifest: Mapping[str, Any], rows: Sequence[Row]) -> Results:
+    """The cells that have rows, in the order of the campaign's file; their rows in the order of their seeds."""
+    what, seeds = manifest["campaign"], {seed: place for place, seed in enumerate(manifest["seeds"])}
+    places, faults, contenders = (
+        {name: place for place, name in enumerate(what[key])} for key in ("places", "faults", "contenders")
+    )
+    groups: dict[tuple[str, str, str, str, str], list[Row]] = {}
+    for row in rows:
+        known = f"{row.domain}/{row.problem}" in places and row.faults in faults
+        if known and contender(row.estimator, row.monitor) in contenders and row.seed in seeds:
+            key = (row.domain, row.problem, row.faults, row.estimator, row.monitor)
+            groups.setdefault(key, []).append(row)
+
+    def order(key: tuple[str, str, str, str, str]) -> tuple[int, int, int]:
+        domain, problem, fault, *who = key
+        return places[f"{domain}/{problem}"], faults[fault], contenders[contender(*who)]
+
+    cells = []
+    for key in sorted(groups, key=order):
+        members = tuple(sorted(groups[key], key=lambda row: seeds[row.seed]))
+        cells.append(Cell(*key, members, {metric.name: value(metric, members) for metric in METRICS}))
+    return Results(manifest, tuple(cells))
+
+
+def value(metric: Metric, rows: Sequence[Row]) -> Value:
+    """A metric's value over some episodes."""
+    said = [number for row in rows if (number := metric.of(row)) is not None]
+    if not said:
+        return Value(None, None, 0)
+    interval = wilson(round(sum(said)), len(said)) if metric.share else bootstrap(said)
+    return Value(fmean(said), interval, len(said))
+
+
+def contender(estimator: str, monitor: str) -> str:
+    """What an estimator with a monitor is called; see `executive.lab.campaign.design.Contender`."""
+    return f"{estimator}, {monitor}" if monitor else estimator
+
+
+def _cell(cell: Cell) -> dict[str, Any]:
+    return {
+        "domain": cell.domain,
+        "problem": cell.problem,
+        "faults": cell.faults,
+        "contender": cell.contender,
+        "episodes": len(cell.rows),
+        "outcomes": dict(sorted(Counter(row.outcome for row in cell.rows).items())),
+        "values": {
+            name: {
+                "value": each.value,
+                "low": each.interval.low if each.interval else None,
+                "high": each.interval.high if each.interval else None,
+                "episodes": each.episodes,
+            }
+            for name, each in cell.values.items()
+        },
+    }

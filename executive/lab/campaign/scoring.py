@@ -1,0 +1,101 @@
+"""A run held against the truth while it goes on: what it notices of what was broken, and what it takes to be broken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from executive.types import (
+    Blinded,
+    Compared,
+    Decision,
+    DecisionKind,
+    Event,
+    Facts,
+    FaultInjected,
+    Guarded,
+    NoPlan,
+    SkillResult,
+)
+
+UNSEEN = ("estimator",)
+"""Faults of whoever says what is true: there is nothing in the world to be noticed of them."""
+
+
+@dataclass(slots=True)
+class Strike:
+    """A fault that struck, `time` on the world's clock, and after how many seconds something told of trouble (None:
+    nothing did)."""
+
+    kind: str
+    spec: str
+    action: int
+    time: float
+    noticed: float | None = None
+
+
+@dataclass(slots=True)
+class Tally:
+    """What was counted in one run. Of the actions whose outcome was looked at: after how many all was in truth as
+    expected (`quiet`), and after how many of these it was taken to be otherwise (`alarms`); after how many it was not
+    (`failed`), and after how many of these nothing of that was noticed in the same cycle (`missed`)."""
+
+    strikes: list[Strike] = field(default_factory=list)
+    quiet: int = 0
+    alarms: int = 0
+    failed: int = 0
+    missed: int = 0
+
+
+class Scorer:
+    """A sink that scores.
+
+    Of trouble tell: a skill that reports it, what is carried seen to be gone, a camera that is left out, a planner
+    without a plan, and an atom that is not seen as expected, if in truth it is not. The first of these after a strike
+    is when that is noticed.
+
+    Args:
+        truth: every atom's truth, now. It is asked for right after looks, while the world stands still.
+        looks: whether the run looks at all; a blind one notices nothing, whatever its skills report.
+    """
+
+    def __init__(self, truth: Callable[[], Facts], looks: bool) -> None:
+        self._truth, self._looks = truth, looks
+        self._last: tuple[Compared, Facts] | None = None
+        self.tally = Tally()
+
+    def write(self, event: Event) -> None:
+        match event.payload:
+            case FaultInjected() as fault:
+                self.tally.strikes.append(Strike(fault.kind, fault.spec, fault.action, round(event.time, 6)))
+            case SkillResult() as result if not result.done:
+                self._notice(event.time)
+            case Guarded(lost=True) | Blinded() | NoPlan():
+                self._notice(event.time)
+            case Compared() as compared if self._looks:
+                truth = self._truth()
+                if any(truth[atom] is not compared.expected[atom] for atom in compared.verdict.violated):
+                    self._notice(event.time)
+                if compared.what == "effects":
+                    self._last = compared, truth
+            case Decision(kind=kind) if kind is not DecisionKind.LOOK_AGAIN and self._last is not None:
+                self._count(*self._last)
+                self._last = None
+
+    def close(self) -> None:
+        pass
+
+    def _notice(self, time: float) -> None:
+        for strike in self.tally.strikes:
+            if self._looks and strike.noticed is None and strike.kind not in UNSEEN:
+                strike.noticed = round(time - strike.time, 6)
+
+    def _count(self, compared: Compared, truth: Facts) -> None:
+        """What was expected, believed and true of an action's outcome in the end."""
+        violated = compared.verdict.violated
+        if truth.entails(compared.expected):
+            self.tally.quiet += 1
+            self.tally.alarms += bool(violated)
+        else:
+            self.tally.failed += 1
+            self.tally.missed += all(truth[atom] is compared.expected[atom] for atom in violated)

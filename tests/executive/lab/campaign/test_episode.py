@@ -1,0 +1,76 @@
+"""An episode in the simulator, and the command that carries it out again."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executive import assemble, cli
+from executive.assemble import RunConfig
+from executive.errors import InputError, MissingError
+from executive.eye import EyeConfig
+from executive.lab.campaign.design import Contender, Episode, Place
+from executive.lab.campaign.episode import FAILED, Simulated, command, failure, out_of_reach
+from executive.monitoring import MonitorConfig
+from executive.types import Facts
+from tests.executive.lab.campaign.players import campaign
+
+TRAY = Path(__file__).parents[3] / "domains" / "tray"
+
+CONFIGS: list[dict[str, Any]] = [
+    {},
+    {"problem": "one", "seed": 7, "estimator": "none", "faults": ("drop:p=0.3", "camera:front=black@5-8")},
+    {"home_pose": False, "grasp_noise": 0.004, "max_replans": 0, "max_actions": 9},
+    {"monitor": MonitorConfig(alpha=0.1, memory=False, trust=Path("a file"))},
+    {"monitor": MonitorConfig(threshold=0.7)},
+    {"estimator": "vlm", "eye": EyeConfig("a folder", None, "none", None, False, True, Path("c.json"))},
+    {"estimator": "vlm", "eye": EyeConfig(server="http://127.0.0.1:8000/v1", translator="llm", llm="small")},
+]
+
+
+@pytest.mark.parametrize("chosen", CONFIGS)
+def test_the_command_carries_out_the_same_run(chosen: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every option that decides anything is in it, and the defaults are those of the command line."""
+    made: list[RunConfig] = []
+
+    def remember(config: RunConfig, *_: object, **__: object) -> None:
+        made.append(config)
+        raise InputError("enough")
+
+    monkeypatch.setattr(assemble, "Run", remember)
+    monkeypatch.setattr("executive.machine.require", lambda: None)
+    wanted = RunConfig("grocery", **chosen)
+    assert cli.exit_code(shlex.split(command(wanted))[1:]) == cli.BAD_INPUT
+    assert made == [wanted]
+
+
+def test_failures_are_told_in_a_line() -> None:
+    episode = next(campaign().episodes())
+    assert failure(episode, ValueError("two\nlines"), 1.5).error == "ValueError: two lines"
+    assert failure(episode, InputError("wrong", key="--x")).error == "--x: wrong"
+    missing = failure(episode, MissingError("no GL", command="apt-get install gl"))
+    assert (missing.outcome, missing.error) == (FAILED, "no GL; install it with: apt-get install gl")
+    assert missing.key == episode.key
+
+
+def test_what_no_atom_is_true_of_is_out_of_reach() -> None:
+    facts = Facts.parse("on-table(a,t)", "not on-table(b,t)", "held(c)", "not held(b)", "free()")
+    assert out_of_reach(facts, ["a", "b", "c"]) == ("b",)
+
+
+def test_an_episode_in_the_simulator_is_scored_by_its_truth(tmp_path: Path) -> None:
+    place, who = Place("tray", "fill-tray", str(TRAY)), Contender("oracle", kind="oracle")
+    config = RunConfig(str(TRAY), seed=1, faults=("miss@1",), viewer=False, max_actions=2)
+    made = Simulated(tmp_path)(Episode(place, "missed", who, 1, config))
+    assert (made.outcome, made.goal_true, made.actions, made.lost, made.error) == ("gave-up", False, 2, (), "")
+    (strike,) = made.strikes
+    assert (strike.kind, strike.action) == ("miss", 1)
+    assert strike.noticed is not None
+    assert 0.0 < strike.noticed < 20.0
+    assert (made.quiet + made.failed, made.alarms, made.missed) == (2, 0, 0)
+    assert made.failed >= 1
+    assert made.sim_seconds > 0.0
+    assert list(tmp_path.iterdir()) == [], "its folder is gone"
