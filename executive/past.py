@@ -39,6 +39,21 @@ UNFINISHED = (OutcomeKind.INTERRUPTED, OutcomeKind.CRASHED)
 """Ends after which a run can go on, as if its process had been killed."""
 
 
+def remembered(events: Iterable[Event], monitor: Monitor) -> Memory:
+    """What a monitor makes of the looks that some events tell of, and of what was done between them; and that since
+    then anything may have happened."""
+    memory, raw = monitor.begin(), None
+    for event in events:
+        match event.payload:
+            case Belief() as belief:
+                raw = belief
+            case Judged() if raw is not None:
+                memory, _ = monitor.looked(memory, raw, event.cycle)
+            case SkillResult() as result:
+                memory = monitor.acted(memory, result.step, result)
+    return monitor.acted(memory, None)
+
+
 @dataclass(frozen=True, slots=True)
 class Past:
     """How far a run had come.
@@ -124,16 +139,7 @@ class Past:
 
     def memory(self, monitor: Monitor) -> Memory:
         """What the monitor makes of the recorded looks. What has become of the world since, nobody knows."""
-        memory, raw = monitor.begin(), None
-        for event in self.events():
-            match event.payload:
-                case Belief() as belief:
-                    raw = belief
-                case Judged() if raw is not None:
-                    memory, _ = monitor.looked(memory, raw, event.cycle)
-                case SkillResult() as result:
-                    memory = monitor.acted(memory, result.step, result)
-        return monitor.acted(memory, None)
+        return remembered(self.events(), monitor)
 
     def assumed(self) -> Facts:
         """What an executive that does not look took to be true."""

@@ -82,11 +82,10 @@ def _print(comparison: Comparison, every: bool, seconds: float) -> None:
     if shown:
         recorded, replayed = comparison.names
         print_pairs(shown, (f"recorded ({recorded})", f"replayed ({replayed})"), sys.stdout)
-    if comparison.replayed.end:
-        parts = f"here the two part: {comparison.replayed.end}"
-        print(parts if comparison.replayed.parted else f"the record ends: {comparison.replayed.end}")
+    for line in comparison.ends:
+        print(line)
     same, agree = sum(row.same for row in rows), sum(row.agree for row in rows)
-    counts = [f"{same} of {len(comparison.record.decisions)} decisions are the same"]
+    counts = [f"{same} of {comparison.decisions} decisions are the same"]
     counts += [f"{agree - same} for another reason"] if agree > same else []
     counts += [f"{len(rows) - agree} different"] if agree < len(rows) else []
     counts += [f"{comparison.left} not come to"] if comparison.left else []
@@ -100,8 +99,7 @@ def _document(comparison: Comparison) -> dict[str, Any]:
         "recorded": comparison.names[0],
         "replayed": comparison.names[1],
         "agree": comparison.agree,
-        "parted": comparison.replayed.parted,
-        "end": comparison.replayed.end,
+        "ends": list(comparison.ends),
         "left": comparison.left,
         "decisions": [
             {

@@ -25,6 +25,7 @@ from executive.errors import ExecutiveError
 from executive.looking import Looker
 from executive.loop import Executive
 from executive.monitor import Monitor
+from executive.past import remembered
 from executive.protocols import SkillContext
 from executive.replay.record import Decided, Deed, Look, Part, Record
 from executive.types import (
@@ -38,6 +39,7 @@ from executive.types import (
     Observation,
     Plan,
     Probed,
+    Resumed,
     Scenery,
     SkillResult,
     Step,
@@ -240,9 +242,17 @@ class _Replayed(Executive):
             domain=started.domain,
             run=started.run,
             monitor=monitor,
+            course=None if record.since is None else _gone_on(record, record.since, monitor),
         )
         if eye is not None:
             self._looker = _Recorded(reel, eye, world, monitor, Attention(), {}, self._session, record.settings)
+
+
+def _gone_on(record: Record, since: Resumed, monitor: Monitor) -> Course:
+    """How the run stood when another process went on with it."""
+    task, blind = record.started.task, record.started.estimator == "none"
+    memory = None if blind else remembered(record.before, monitor)
+    return Course(task, task.goal, record.told if blind else Facts(), memory).resumed(since)
 
 
 def _listed(literals: Sequence[str], most: int = 3) -> str:

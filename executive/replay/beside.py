@@ -38,22 +38,35 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A run and its replay: what was made of the looks in each, in words, and their decisions side by side."""
+    """A run and its replay: what was made of the looks in each, in words, and their decisions side by side. There is
+    one record for each process that had the run, and a replay of each."""
 
-    record: Record
-    replayed: Replay
+    records: tuple[Record, ...]
+    replays: tuple[Replay, ...]
     names: tuple[str, str]
     rows: tuple[Row, ...]
 
     @property
+    def decisions(self) -> int:
+        """How many were recorded."""
+        return sum(len(record.decisions) for record in self.records)
+
+    @property
     def agree(self) -> bool:
         """Whether both do the same, as far as the record goes."""
-        return not self.replayed.parted and all(row.agree for row in self.rows)
+        return not any(replayed.parted for replayed in self.replays) and all(row.agree for row in self.rows)
 
     @property
     def left(self) -> int:
         """How many of the recorded decisions the replay does not come to."""
-        return len(self.record.decisions) - sum(row.recorded is not None for row in self.rows)
+        return self.decisions - sum(row.recorded is not None for row in self.rows)
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """Where the two part, and why the record is over if the run is not; nothing where all came to its end."""
+        last = len(self.replays) - 1
+        said = [each for number, each in enumerate(self.replays) if each.end and (each.parted or number == last)]
+        return tuple(f"{'here the two part' if each.parted else 'the record ends'}: {each.end}" for each in said)
 
 
 def compare_run(folder: Path, wanted: MonitorConfig | None = None) -> Comparison:
@@ -63,9 +76,10 @@ def compare_run(folder: Path, wanted: MonitorConfig | None = None) -> Comparison
         InputError: the folder holds no run, a damaged one, or none in which a monitor decided anything.
         DomainError: the domain is needed for the monitor, and is not as it was.
     """
-    record = Record.of(read_events(folder, images=False))
-    atoms = record.started.task.atoms
-    if record.started.estimator == "none":
+    records = Record.all(read_events(folder, images=False))
+    started = records[0].started
+    atoms = started.task.atoms
+    if started.estimator == "none":
         if wanted is not None:
             raise InputError("nobody looked in this run: what is made of looks decides nothing", file=folder)
         then: Monitor = PlainMonitor(atoms)
@@ -73,18 +87,20 @@ def compare_run(folder: Path, wanted: MonitorConfig | None = None) -> Comparison
     else:
         then = load(folder, atoms)
         names = (described(then), described(then))
-    replayed = replay(record, then)
+    replays = [replay(record, then) for record in records]
     if wanted is not None:
-        other = _opened(wanted, folder, record)
-        replayed, names = replay(record, other, replayed), (names[0], described(other))
-    return Comparison(record, replayed, names, tuple(side_by_side(record, replayed)))
+        other = _opened(wanted, folder, records[0])
+        replays = [replay(record, other, before) for record, before in zip(records, replays, strict=True)]
+        names = (names[0], described(other))
+    rows = [row for record, again in zip(records, replays, strict=True) for row in side_by_side(record, again)]
+    return Comparison(records, tuple(replays), names, tuple(rows))
 
 
 def _opened(wanted: MonitorConfig, folder: Path, record: Record) -> Monitor:
     """The monitor that a run with this configuration would have had. Only a threshold needs nothing but the atoms."""
     if wanted.threshold is not None:
         return PlainMonitor(record.started.task.atoms, Thresholds(wanted.threshold, wanted.threshold))
-    from executive.assemble import read_config
+    from executive.configuration import read_config
     from executive.domain import load_domain
     from executive.eye import EyeConfig, settled
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple, TypeAlias
 
 from executive.errors import InputError
@@ -22,6 +22,7 @@ from executive.types import (
     OutcomeKind,
     Plan,
     Probed,
+    Resumed,
     SkillResult,
     Started,
     Timing,
@@ -55,7 +56,9 @@ Part: TypeAlias = Look | Deed | Plan | NoPlan | Probed
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What a run was told and what it decided, in order. `told` is what a blind executive was told at the start."""
+    """What a run was told and what it decided, in order, as long as one process had it. `told` is what a blind
+    executive was told at the start. Where another process went on with the run, `since` says how far that had come, and
+    `before` is what had happened until then."""
 
     started: Started
     settings: Settings
@@ -63,15 +66,29 @@ class Record:
     decisions: tuple[Decided, ...]
     told: Facts
     ended: Ended | None
+    since: Resumed | None = None
+    before: tuple[Event, ...] = ()
 
     @classmethod
-    def of(cls, events: Iterable[Event]) -> Record:
-        """Sort a run's events.
+    def all(cls, events: Iterable[Event]) -> tuple[Record, ...]:
+        """Sort a run's events, those of each process apart.
 
         Raises:
             InputError: they are no run, or what they say of its settings cannot be so.
         """
-        started: Started | None = None
+        every = tuple(events)
+        marks = [number for number, event in enumerate(every) if isinstance(event.payload, Resumed)]
+        begins, ends = [0, *marks], [*marks, len(every)]
+        first = cls._of(every[: ends[0]], None)
+        later = [
+            replace(cls._of(every[begin:end], first.started), before=every[:begin])
+            for begin, end in zip(begins[1:], ends[1:], strict=True)
+        ]
+        return (first, *later)
+
+    @classmethod
+    def _of(cls, events: Iterable[Event], started: Started | None) -> Record:
+        since: Resumed | None = None
         ended: Ended | None = None
         parts: list[Part] = []
         decisions: list[Decided] = []
@@ -82,6 +99,8 @@ class Record:
             match event.payload:
                 case Started() as begun:
                     started = begun
+                case Resumed() as resumed:
+                    since = resumed
                 case Belief() as belief:
                     last = belief
                     told = told or belief.facts()
@@ -100,7 +119,8 @@ class Record:
             answered = isinstance(event.payload, Timing) and event.payload.stage == "plan"
         if started is None:
             raise InputError("these events are no run: none of them starts it")
-        return cls(started, _settings(started), tuple(parts), tuple(decisions), told or Facts(), ended)
+        settings = _settings(started)
+        return cls(started, settings, tuple(parts), tuple(decisions), told or Facts(), ended, since)
 
     @property
     def cut(self) -> str:

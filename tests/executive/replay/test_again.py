@@ -37,6 +37,11 @@ def two(**changes: object) -> Stage:
     return Stage(BOTH, {"a": "p", "b": "p"}, **changes)  # type: ignore[arg-type]
 
 
+def record_of(events: Sequence[Event]) -> Record:
+    (record,) = Record.all(events)
+    return record
+
+
 def decided(events: Sequence[Event]) -> list[Decided]:
     return [Decided(event.cycle, event.payload) for event in events if isinstance(event.payload, Decision)]
 
@@ -51,7 +56,7 @@ def fused(stage: Stage, eye: Eye = EXACT, memory: bool = True) -> FusedMonitor:
 
 def repeats(events: Sequence[Event], monitor: Monitor) -> Record:
     """The law: with the monitor of then, the same decisions, to the last digit of what they rest on."""
-    record = Record.of(events)
+    record = record_of(events)
     again, told = replay(record, monitor), decided(events)
     assert list(record.decisions) == told
     assert not again.parted, again.end
@@ -128,7 +133,7 @@ def test_a_blind_run_has_no_looks_to_part_over() -> None:
 
 def at_thresholds(stage: Stage, threshold: float) -> tuple[Record, Replay]:
     """The record of a played stage, and its replay at another threshold."""
-    record = Record.of(stage.recorder.events)
+    record = record_of(stage.recorder.events)
     before = replay(record, stage.monitor)
     return record, replay(record, PlainMonitor(stage.task.atoms, Thresholds(threshold, threshold)), before)
 
@@ -183,9 +188,9 @@ def test_settings_of_another_release_are_passed_over_and_nonsense_is_named() -> 
     started = events[0].payload
     assert isinstance(started, Started)
     odd = replace(started, settings={**started.settings, "of-tomorrow": 3})
-    assert Record.of([replace(events[0], payload=odd), *events[1:]]).settings == stage.settings
+    assert record_of([replace(events[0], payload=odd), *events[1:]]).settings == stage.settings
     wrong = replace(started, settings={**started.settings, "max_retries": -1})
     with pytest.raises(InputError, match="these are no settings of a run: max_retries must be at least 0, got -1"):
-        Record.of([replace(events[0], payload=wrong)])
+        record_of([replace(events[0], payload=wrong)])
     with pytest.raises(InputError, match="these events are no run"):
-        Record.of(events[1:])
+        record_of(events[1:])

@@ -6,14 +6,20 @@ import json
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from executive import cli
+from executive.course import Course
 from executive.errors import InputError
+from executive.faults import FaultInjector, parse_fault
 from executive.monitoring import MonitorConfig
+from executive.past import Past
+from executive.policy import Settings
 from executive.replay import compare_run
 from executive.trace import monitors
 from executive.trace.events import EVENTS_FILE, EventLog
-from executive.types import Facts
+from executive.types import Facts, OutcomeKind
 from tests.fakes import Stage, at
 
 ROOT = Path(__file__).parents[3]
@@ -64,7 +70,38 @@ def test_as_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (said["agree"], said["recorded"], said["replayed"]) == (True, "threshold 0.5", "threshold 0.5")
     assert all(each["recorded"] == each["replayed"] for each in said["decisions"])
     assert cli.exit_code(["replay", str(run), "--threshold", "0.7", "--json"]) == cli.NOT_REACHED
-    assert json.loads(capsys.readouterr().out)["parted"] is True
+    assert json.loads(capsys.readouterr().out)["ends"][0].startswith("here the two part: it looks again")
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 6), st.booleans(), st.sampled_from([None, 0.3]))
+def test_a_run_that_was_gone_on_with_is_replayed_process_by_process(
+    tmp_path_factory: pytest.TempPathFactory, seed: int, killed_in: int, blind: bool, threshold: float | None
+) -> None:
+    run = tmp_path_factory.mktemp("run")
+    script = {killed_in: "interrupt"}
+    stage = Stage(GOAL, {"a": "p", "b": "p"}, script=script, blind=blind, settings=Settings(seed))
+    stage.faults = FaultInjector([parse_fault("drop:p=0.3"), parse_fault("shove:p=0.2")], stage.world, seed)
+    log = EventLog(run)
+    stage.recorder.write = log.write  # type: ignore[method-assign]
+    ended = stage.play()
+    if ended.outcome is OutcomeKind.INTERRUPTED:
+        past, task = Past.of(run), stage.task
+        course = (
+            Course(task, GOAL, past.assumed()) if blind else Course(task, GOAL, Facts(), past.memory(stage.monitor))
+        )
+        again = stage.executive()
+        again.course = course.resumed(past.resumed(past.cycle))
+        again.run()
+    log.close()
+    monitors.save(run, stage.monitor)
+    comparison = compare_run(run)
+    assert len(comparison.records) == 1 + (ended.outcome is OutcomeKind.INTERRUPTED)
+    assert (comparison.agree, comparison.left, comparison.ends) == (True, 0, ())
+    assert all(row.recorded == row.replayed for row in comparison.rows)
+    assert sum(row.recorded is not None for row in comparison.rows) == comparison.decisions
+    if threshold is not None and not blind:
+        compare_run(run, MonitorConfig(threshold=threshold))
 
 
 @pytest.mark.parametrize("events", range(1, 60, 7))
