@@ -25,8 +25,6 @@ _STANDINGS = {Standing.SURPRISE: "✗", Standing.DOUBT: "?", Standing.EXPECTED: 
 _DRAWN = {*map(chr, range(0x20, 0x7F)), *map(chr, range(0xA1, 0x100)), *"\n→←↑↓•…≥≤≠", *MARKS.values()} - {"\xad"}
 _MARKDOWN = frozenset("\\`*_|<>[]#~$")
 _ROWS, _CHANGES = 12, 8
-_BRIEF = 12
-"""A note of so many letters goes beside the action that it is about."""
 _KINDS = {
     LookKind.CLOSER: "closer: ",
     LookKind.MOVED: "with the arm out of the way: ",
@@ -56,12 +54,17 @@ def status(story: Story) -> str:
     title = f"**{escaped(started.domain)}: {escaped(started.task.problem)}**"
     counts = {"action": story.actions, "look": story.looks, "replan": story.replans, "fault": len(story.faults)}
     told = [f"{count} {noun}{'' if count == 1 else 's'}" for noun, count in counts.items()]
+    left = story.unreached() if story.probability else ()
+    if story.probability:
+        total = len(started.task.goal)
+        told.append(f"**goal {total - len(left)} of {total}**")
     lines = [f"{title} · seed {started.seed} · {escaped(started.estimator)} · {' · '.join(told)}", ""]
     if story.ended is not None:
         lines += _end(story.ended)
     else:
         lines += [f"**{escaped(_doing(story))}**", "", _last(story.decisions[-1][1]) if story.decisions else ""]
-    return "\n".join([*lines, "", _goal(story)])
+    to_go = f"to go: {escaped(', '.join(left))}" if left else ""
+    return "\n".join([*lines, "", to_go])
 
 
 def belief(story: Story) -> str:
@@ -112,9 +115,8 @@ def log_line(decision: Decision) -> str:
 
 def step_label(line: StepLine) -> str:
     """A step as a node of the plan's graph."""
-    brief = 0 < len(line.note) <= _BRIEF
-    head = f"{MARKS[line.mark]} {line.step.action}{f' ({line.note})' if brief else ''}"
-    return plain("\n".join((head, *line.step.args, *([f"({line.note})"] if line.note and not brief else []))))
+    tail = f"\n({line.note})" if line.note else ""
+    return plain("\n".join((f"{MARKS[line.mark]} {line.step.action}", *line.step.args)) + tail)
 
 
 def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
@@ -196,13 +198,6 @@ def _doing(story: Story) -> str:
 
 def _last(decision: Decision) -> str:
     return f"{escaped(str(decision.kind))}: {escaped(decision.reason)}"
-
-
-def _goal(story: Story) -> str:
-    if story.started is None or not story.probability:
-        return ""
-    left, total = story.unreached(), len(story.started.task.goal)
-    return f"goal: {total - len(left)} of {total} believed" + (f"; to go: {escaped(', '.join(left))}" if left else "")
 
 
 def _end(ended: Ended) -> list[str]:

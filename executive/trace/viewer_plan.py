@@ -14,7 +14,7 @@ from executive.trace.viewer_colours import COLOUR_OF, WHITE, Colour
 
 ROWS, COLUMNS = 3, 10
 """How much is shown at once: the last plans, and of a longer plan the steps around the current one."""
-MARGIN = 48.0
+MARGIN = 54.0
 """From the edge to the middle of a row's first and last node, in the panel's units."""
 
 
@@ -69,5 +69,5 @@ def _window(lines: Sequence[StepLine]) -> tuple[int, Sequence[StepLine], int]:
 def _title(plan: PlanLine, before: int, after: int) -> str:
     lines = [f"plan {plan.number}", f"{len(plan.lines)} steps"]
     if before or after:
-        lines.append(f"{before} before, {after} after")
+        lines.append(f"{before + 1} to {len(plan.lines) - after}")
     return plain("\n".join(lines))

@@ -36,7 +36,8 @@ class Scene:
         self._record, self._at_once = record, at_once
         self._objects: Mapping[str, str] = {}
         self._boxes: dict[str, tuple[FloatArray, FloatArray]] = {}
-        self._frames: list[tuple[Event, Frame]] = []
+        self._entities: dict[str, list[object]] = {}
+        self._frames: list[tuple[Event, Mapping[str, FloatArray]]] = []
         self._poses: dict[str, FloatArray] = {}
         self._path: list[tuple[FloatArray, Colour]] = []
         self._grip = Grip(())
@@ -47,7 +48,7 @@ class Scene:
 
     def begin(self, objects: Mapping[str, str]) -> None:
         """The task's objects by their types: whatever else moves is the robot."""
-        self._objects, self._grip = objects, Grip(tuple(objects))
+        self._objects = objects
 
     def show(self, scenery: Scenery) -> None:
         """Every shape, stored once."""
@@ -57,16 +58,18 @@ class Scene:
         for index, geometry in enumerate(scenery.geometries):
             entity = [*self._body(geometry.body), plain(geometry.name) or f"part-{index}"]
             self._record.log(entity, mesh(geometry), static=True)
-            if geometry.body in self._objects and len(geometry.vertices):
+            if self._owner(geometry.body) and len(geometry.vertices):
                 corners.setdefault(geometry.body, []).extend((geometry.vertices.min(0), geometry.vertices.max(0)))
+        self._grip = Grip(tuple(corners))
         self._boxes = {body: (np.min(of, axis=0), np.max(of, axis=0)) for body, of in corners.items()}
         for camera in scenery.cameras:
             self._record.log(_camera(camera.name), *pinhole(camera), static=True)
 
     def frame(self, event: Event, frame: Frame) -> None:
         """Keep a frame until enough of them are there to be sent together."""
-        self._frames.append((event, frame))
-        before, now = self._grip.holds, self._grip.told(frame.poses)
+        poses = {body: pose for body, pose in frame.poses.items() if body in self._entities}
+        self._frames.append((event, poses))
+        before, now = self._grip.holds, self._grip.told(poses)
         if now != before:
             stamp(self._record, event)
             self._show_held(before, now)
@@ -77,7 +80,7 @@ class Scene:
         """Send the frames that are still here."""
         moves: dict[str, list[tuple[Event, FloatArray]]] = {}
         for event, frame in self._frames:
-            for body, pose in frame.poses.items():
+            for body, pose in frame.items():
                 last = self._poses.get(body)
                 if last is None or np.abs(pose - last).max() > _STILL:
                     self._poses[body] = pose
@@ -144,11 +147,21 @@ class Scene:
             tree = rr.LineStrips3D(motion.tree, colors=(*CYAN, 110), radii=rr.Radius.ui_points(0.6))
             self._record.log([WORLD, "motion", "tree"], tree)
 
+    def _owner(self, body: str) -> str:
+        """The task's object that a body is, or is a part of (`lemon/peel`); nothing for the robot and the room."""
+        return next((name for name in (body, body.split("/")[0]) if name in self._objects), "")
+
     def _body(self, body: str) -> list[object]:
-        """Where a body hangs in the tree: among the task's objects by their type, or else part of the robot."""
-        if not body:
-            return [WORLD, "room"]
-        return [WORLD, plain(self._objects.get(body, "robot")), plain(body)]
+        """Where a body with a shape hangs in the tree: among the task's objects by their type, or as part of the robot.
+        All hang side by side, for all poses are the world's."""
+        if body not in self._entities:
+            owner = self._owner(body)
+            kind = "room" if not body else self._objects[owner] if owner else "robot"
+            names = ([owner] if owner else []) + ([body] if body else [])
+            paths = [[WORLD, plain(kind), *([plain(name).replace("/", "-")] if name else [])] for name in names]
+            taken = [str(path) for path in self._entities.values()]
+            self._entities[body] = next((path for path in paths if str(path) not in taken), [WORLD, plain(kind)])
+        return self._entities[body]
 
     def _show_held(self, before: str, now: str) -> None:
         if before in self._boxes:
@@ -160,7 +173,7 @@ class Scene:
                 sizes=[high - low + 2 * _MARGIN],
                 colors=CYAN,
                 radii=rr.Radius.ui_points(1.5),
-                labels=[plain(f"held: {now}")],
+                labels=[plain(f"held: {self._owner(now)}")],
                 show_labels=True,
             )
             self._record.log([*self._body(now), "held"], around)

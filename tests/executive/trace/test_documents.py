@@ -66,5 +66,5 @@ def test_surprises_stand_out_and_come_first() -> None:
 def test_the_status_tells_the_outcome_at_the_end() -> None:
     text = documents.status(story_of(synthetic_events()))
     assert "**goal-reached**" in text
-    assert "goal: 2 of 2 believed" in text
+    assert "**goal 2 of 2**" in text
     assert "7 actions · 10 looks · 1 replan · 1 fault" in text
