@@ -3,7 +3,7 @@ PY := .venv/bin/python
 SOURCES := executive skills tests benchmarks examples
 BENCHMARKS := $(notdir $(basename $(wildcard benchmarks/[a-z]*.py)))
 
-.PHONY: help setup run test test-slow bench example lint format-check types arrows unit format clean
+.PHONY: help setup run test test-slow bench example pictures lint format-check types arrows unit format clean
 
 help:
 	@echo "make run        set up, then sort the groceries with a dropped item on the way"
@@ -11,6 +11,7 @@ help:
 	@echo "make test-slow  set up, then the tests that take minutes"
 	@echo "make bench      set up, then every benchmark, printed (long; make bench BENCHMARKS=recovery for one)"
 	@echo "make example    set up, then make the run in runs/example anew"
+	@echo "make pictures   set up, then draw the pictures in docs/images anew"
 	@echo "make setup      the set-up alone; PYTHON=... names the interpreter"
 	@echo "make format     rewrite the sources as format-check wants them"
 	@echo "make clean      remove .venv and everything that tools leave behind (runs/ stays)"
@@ -38,7 +39,7 @@ arrows:
 	.venv/bin/lint-imports --no-logo
 
 unit:
-	$(PY) -m pytest -q -n auto --maxprocesses 4
+	PICTURES=build/pictures $(PY) -m pytest -q -n auto --maxprocesses 4
 
 test-slow: setup
 	$(PY) -m pytest -q -m slow
@@ -48,6 +49,10 @@ bench: setup
 
 example: setup
 	$(PY) scripts/example
+
+# A run with a drop and a recovery in the viewer, as README shows it. `make test` leaves the same in build/pictures.
+pictures: setup
+	PICTURES=docs/images $(PY) -m pytest -q tests/executive/trace/test_recording.py -k picture
 
 format: setup
 	$(PY) -m ruff check --fix $(SOURCES)

@@ -48,7 +48,8 @@ class Beliefs:
         self._answers: dict[Atom, list[tuple[Event, float]]] = {}
         self._shown: dict[Atom, Lane] = {}
         self._colours = cycle(CURVES)
-        self._lines: set[str] = set()
+        self._looks: list[Event] = []
+        self._drawn: set[tuple[str, str]] = set()
         self._open: tuple[Event, Belief] | None = None
 
     def tell(self, event: Event) -> None:
@@ -138,22 +139,23 @@ class Beliefs:
             self._record.send_columns(rr.new_entity_path(_entity(root, atom)), times, values)
 
     def _limits(self, event: Event) -> None:
-        """The thresholds of the atoms in play, as lines across."""
-        stamp(self._record, event)
-        predicates = {atom.predicate for atom in self._shown} or {""}
-        named = {key if key in self._thresholds else "" for key in predicates}
-        for key in sorted(named):
+        """The thresholds of the atoms in play, as lines across from the first look on."""
+        self._looks.append(event)
+        for key in sorted({atom.predicate if atom.predicate in self._thresholds else "" for atom in self._shown}):
             each, whose = self._thresholds[key], f"{key}: " if key else ""
-            even = each.low == each.high
-            for name, value in (("true from", each.high), ("false below", each.low))[: 1 if even else 2]:
-                entity = [THRESHOLDS, key or "all", name]
-                if str(entity) not in self._lines:
-                    self._lines.add(str(entity))
-                    label = f"{whose}true from {value:g}, else false" if even else f"{whose}{name} {value:g}"
-                    style = rr.SeriesLines(names=label, colors=GREY if key else DIM, widths=1.0)
+            both = {"high": (f"true from {each.high:g}", each.high), "low": (f"false below {each.low:g}", each.low)}
+            if each.low == each.high:
+                both = {"high": (f"true from {each.high:g}, else false", each.high)}
+            for name, (label, value) in both.items():
+                entity, since = [THRESHOLDS, key or "all", name], [event]
+                if (key, name) not in self._drawn:
+                    self._drawn.add((key, name))
+                    style = rr.SeriesLines(names=whose + label, colors=GREY if key else DIM, widths=1.0)
                     self._record.log(entity, style, static=True)
+                    since = self._looks
                 if 0.0 < value <= 1.0:
-                    self._record.log(entity, rr.Scalars(value))
+                    values = rr.Scalars.columns(scalars=[value] * len(since))
+                    self._record.send_columns(rr.new_entity_path(entity), time_columns(since), values)
 
     def _word(self, atom: Atom, probability: float | None) -> str:
         if probability is None:

@@ -26,7 +26,7 @@ WORLD, CAMERAS, PLAN, LOG = "world", "world/cameras", "plan", "log"
 BELIEF, LOOK, STATUS, NOW, BELIEVED = "belief", "look", "status", "now", "believed"
 PROBABILITY, ANSWERS, THRESHOLDS = "probability", "answers", "thresholds"
 
-GRAPH_WIDTH, GRAPH_HEIGHT = 1060.0, 208.0
+GRAPH_WIDTH, GRAPH_HEIGHT = 1040.0, 204.0
 """What the plan's panel shows, in its own units; the plan is laid out within (see `executive.trace.viewer_plan`)."""
 
 
@@ -47,7 +47,7 @@ def blueprint(cameras: Sequence[Camera], pictures: Sequence[str]) -> rrb.Bluepri
             rrb.StateTimelineView(origin=BELIEVED, name="what was believed"),
             column_shares=[50, 50],
         ),
-        row_shares=[45, 23, 32],
+        row_shares=[45, 24, 31],
     )
     mind = rrb.Vertical(
         rrb.TextDocumentView(origin=STATUS, name="run"),

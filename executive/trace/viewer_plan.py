@@ -14,7 +14,7 @@ from executive.trace.viewer_colours import COLOUR_OF, WHITE, Colour
 
 ROWS, COLUMNS = 3, 10
 """How much is shown at once: the last plans, and of a longer plan the steps around the current one."""
-MARGIN = 54.0
+MARGIN = 46.0
 """From the edge to the middle of a row's first and last node, in the panel's units."""
 
 
