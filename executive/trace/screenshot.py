@@ -20,6 +20,7 @@ _STRIP = 36
 _ALIKE, _PICTURES, _PAUSE = 3, 30, 0.25
 """Panels fill over several frames after a jump, and the viewer greets with notifications: a picture counts when so many
 in a row are alike. So many are taken at most, with a pause in wall seconds between them."""
+_TRIES = 4
 _PATIENCE, _READING = 120.0, 15.0
 """Wall seconds that a file may take to be read, and what was read to be laid out."""
 
@@ -80,7 +81,7 @@ def settle(viewer: ViewerClient, path: Path) -> None:
         if now - start > _PATIENCE or now - loaded > _READING:
             raise InputError("the viewer cannot read it", file=path)
         last = views
-        viewer.take_screenshot(max_size=64)  # a frame has to be drawn for the layout to be taken up
+        _taken(viewer, max_size=64)  # a frame has to be drawn for the layout to be taken up
         time.sleep(_PAUSE)
 
 
@@ -144,12 +145,22 @@ def still(viewer: ViewerClient, view: str | None = None) -> bytes:
     """The whole viewer or one view of it as PNG, once nothing in it changes any more."""
     picture, alike = b"", 0
     for _ in range(_PICTURES):
-        last, picture = picture, viewer.take_screenshot(view)
+        last, picture = picture, _taken(viewer, view)
         alike = alike + 1 if picture == last else 1
         if alike == _ALIKE:
             break
         time.sleep(_PAUSE)
     return picture
+
+
+def _taken(viewer: ViewerClient, view: str | None = None, max_size: int | None = None) -> bytes:
+    """One picture. On a machine that is busy, drawing by software may take longer than the viewer waits for itself."""
+    for _ in range(_TRIES - 1):
+        try:
+            return viewer.take_screenshot(view, max_size=max_size)
+        except (TimeoutError, RuntimeError):
+            time.sleep(_PAUSE)
+    return viewer.take_screenshot(view, max_size=max_size)
 
 
 def _without_strip(png: bytes) -> bytes:
