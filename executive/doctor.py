@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from importlib.metadata import PackageMetadata, PackageNotFoundError, metadata, version
+from importlib.metadata import PackageMetadata, PackageNotFoundError, entry_points, metadata, version
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -146,16 +146,17 @@ def packages() -> Finding:
 
 
 def domains() -> Finding:
-    """The domains that come along, and with them the skills and relations that this installation registers."""
+    """The domains that come along, and the skills and relations that are registered for them and others."""
     from executive.domain import list_domains, load_domain
 
-    names = list_domains()
-    words = {word for name in names for table in _words(load_domain(name)) for word in table}
-    return Finding("domains", State.OK, f"{', '.join(names)} (registered: {', '.join(sorted(words))})")
-
-
-def _words(domain: Any) -> Iterable[Iterable[str]]:
-    return domain.skills.values(), domain.relations.values()
+    for name in list_domains():
+        load_domain(name)
+    words = {
+        what: ", ".join(sorted(point.name for point in entry_points(group=f"executive.{what}")))
+        for what in ("skills", "relations")
+    }
+    registered = "; ".join(f"{what}: {names}" for what, names in words.items())
+    return Finding("domains", State.OK, f"{', '.join(list_domains())} ({registered})")
 
 
 def planner() -> Finding:

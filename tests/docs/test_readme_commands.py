@@ -30,6 +30,7 @@ from tests.executive.s3e.videos import greys, write_video
 INSTEAD = {
     "runs/<id>": "runs/example",
     "--points 2000": "--points 2",
+    "--alpha 0.05": "--alpha 0.5",  # all that two looks can promise
     "http://127.0.0.1:8000/v1": "SERVER",
 }
 CODES = (
