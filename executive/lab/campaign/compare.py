@@ -15,8 +15,8 @@ from executive.lab.campaign.results import METRICS, Metric, Results, load_result
 HOW = (
     "Each number is over the pairs of episodes with the same domain, problem, seed and faults of which both sides say "
     "something. A difference is the second side's minus the first's; its 95 % interval is a percentile bootstrap with "
-    f"{RESAMPLES:,} resamples of the pairs. p is that of McNemar's exact test of the pairs in which the two differ; it "
-    "is not corrected for the number of comparisons."
+    f"{RESAMPLES:,} resamples of the pairs, and has no width where all of them differ alike. p is that of McNemar's "
+    "exact test of the pairs in which the two differ; it is not corrected for the number of comparisons."
 )
 
 

@@ -46,7 +46,7 @@ class OnRay:
                 self._ray.init(num_cpus=jobs, include_dashboard=False, log_to_driver=False, configure_logging=False)
             else:
                 self._ray.init(address=address, log_to_driver=False, configure_logging=False)
-        except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+        except Exception as error:  # Ray raises that very class where a node does not start in time
             raise ExecutiveError(f"Ray cannot be used: {' '.join(str(error).split())}") from None
         self._prepare, self._limit = prepare, limit
         self._jobs = jobs or max(1, int(self._ray.cluster_resources().get("CPU", 1)))

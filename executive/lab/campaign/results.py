@@ -117,8 +117,8 @@ METRICS = (
 
 HOW = (
     "Every number has a 95 % interval in brackets. That of a share is Wilson's; that of a mean over episodes is a "
-    f"percentile bootstrap with {RESAMPLES:,} resamples of the episodes. An episode that could not be played to an end "
-    "(failed) is no success, and counts for nothing else."
+    f"percentile bootstrap with {RESAMPLES:,} resamples of the episodes, and has no width where all of them say the "
+    "same. An episode that could not be played to an end (failed) is no success, and counts for nothing else."
 )
 
 
