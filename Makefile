@@ -9,7 +9,7 @@ help:
 	@echo "make run        set up, then sort the groceries with a dropped item on the way"
 	@echo "make test       set up, then every check: lint, format-check, types, arrows, unit"
 	@echo "make test-slow  set up, then the tests that take minutes"
-	@echo "make bench      set up, then every benchmark, printed (long; make bench BENCHMARKS=recovery for one)"
+	@echo "make bench      set up, then every benchmark, printed (long; make bench BENCHMARKS=monitor for one)"
 	@echo "make example    set up, then make the run in runs/example anew"
 	@echo "make pictures   set up, then draw the pictures in docs/images anew"
 	@echo "make setup      the set-up alone; PYTHON=... names the interpreter"
