@@ -141,7 +141,8 @@ class MotionPlanner:
         vertices = [data.getVertex(index).getState() for index in range(data.numVertices())]
         at = np.array([[state[joint] for joint in range(dof)] for state in vertices]).reshape(-1, dof)
         pairs = [(index, other) for index in range(len(at)) for other in data.getEdges(index)]
-        return at[np.array(pairs, dtype=int).reshape(-1, 2)]
+        edges: FloatArray = at[np.array(pairs, dtype=int).reshape(-1, 2)]
+        return edges
 
     def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
         """Whether the straight edge touches nothing, its ends included."""

@@ -59,7 +59,8 @@ class Looks:
         """The last look, glances among them, that each camera took part in."""
         self.blinded: Mapping[str, str] = {}
         self.remembered: Mapping[Atom, Remembered] = {}
-        self._open, self._previous = LookLine(-1), self.last
+        self._open = LookLine(-1)
+        self._previous: LookLine | None = None
         self._truth: dict[Atom, bool] = {}
         self._before: dict[Atom, bool] = {}
 

@@ -147,7 +147,8 @@ class Beliefs:
             if each.low == each.high:
                 both = {"high": (f"true from {each.high:g}, else false", each.high)}
             for name, (label, value) in both.items():
-                entity, since = [THRESHOLDS, key or "all", name], [event]
+                entity: list[object] = [THRESHOLDS, key or "all", name]
+                since = [event]
                 if (key, name) not in self._drawn:
                     self._drawn.add((key, name))
                     style = rr.SeriesLines(names=whose + label, colors=GREY if key else DIM, widths=1.0)

@@ -32,11 +32,14 @@ GRAPH_WIDTH, GRAPH_HEIGHT = 1040.0, 204.0
 
 def blueprint(cameras: Sequence[Camera], pictures: Sequence[str]) -> rrb.Blueprint:
     """The layout for these cameras of the scene and these pictures."""
-    seen: list[rrb.View | rrb.Container] = [_scene(cameras)] if cameras else []
     look = rrb.TextDocumentView(origin=LOOK, name="what the last look changed")
-    seen.append(rrb.Vertical(_pictures(pictures), look, row_shares=[60, 40]) if pictures else look)
+    seen: rrb.View | rrb.Container = look
+    if cameras and pictures:
+        seen = rrb.Vertical(_pictures(pictures), look, row_shares=[60, 40])
+    elif pictures:
+        seen = rrb.Horizontal(_pictures(pictures), look, column_shares=[62, 38])
     world = rrb.Vertical(
-        rrb.Horizontal(*seen, column_shares=[46, 54] if cameras else [100]),
+        rrb.Horizontal(_scene(cameras), seen, column_shares=[46, 54]) if cameras else seen,
         rrb.GraphView(
             origin=PLAN,
             name="plan",

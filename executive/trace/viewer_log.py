@@ -49,8 +49,10 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
             through = f" through {', '.join(look.cameras)}" if look.cameras else ""
             return [LogLine(f"look {look.observation_id}, {look.kind}: {look.questions} atoms{through}", "LOOK", BLUE)]
         case Judged(contradictions=clashes, overruled=overruled):
-            told = [LogLine(f"answers {contradiction(clash)}", "LOOK", AMBER) for clash in clashes]
-            return told + [LogLine(_overruled(wrong), "LOOK", AMBER) for wrong in overruled]
+            lines = [f"answers {contradiction(clash)}" for clash in clashes] + [
+                _overruled(wrong) for wrong in overruled
+            ]
+            return [LogLine(line, "LOOK", AMBER) for line in lines]
         case Blinded(camera=camera, reason=reason):
             return [LogLine(f"camera {camera} is left out: {reason}", "LOOK", RED)]
         case Guarded(held=held) as guarded if held is not True:

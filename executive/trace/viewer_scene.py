@@ -144,7 +144,7 @@ class Scene:
         radius = rr.Radius.ui_points(2.0)
         self._record.log([WORLD, "motion", "path"], rr.LineStrips3D(strips, colors=colours, radii=radius))
         if motion.tree is not None:
-            tree = rr.LineStrips3D(motion.tree, colors=(*CYAN, 110), radii=rr.Radius.ui_points(0.6))
+            tree = rr.LineStrips3D(list(motion.tree), colors=(*CYAN, 110), radii=rr.Radius.ui_points(0.6))
             self._record.log([WORLD, "motion", "tree"], tree)
 
     def _owner(self, body: str) -> str:
@@ -158,7 +158,7 @@ class Scene:
             owner = self._owner(body)
             kind = "room" if not body else self._objects[owner] if owner else "robot"
             names = ([owner] if owner else []) + ([body] if body else [])
-            paths = [[WORLD, plain(kind), *([plain(name).replace("/", "-")] if name else [])] for name in names]
+            paths: list[list[object]] = [[WORLD, plain(kind), plain(name).replace("/", "-")] for name in names]
             taken = [str(path) for path in self._entities.values()]
             self._entities[body] = next((path for path in paths if str(path) not in taken), [WORLD, plain(kind)])
         return self._entities[body]
