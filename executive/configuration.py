@@ -36,7 +36,7 @@ class RunConfig:
     domain: str
     problem: str | None = None
     seed: int = 0
-    estimator: str = "oracle"
+    estimator: str = "vlm"
     faults: tuple[str, ...] = ()
     home_pose: bool = True
     grasp_noise: float = 0.0

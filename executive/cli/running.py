@@ -41,10 +41,10 @@ def run(
     estimator: Annotated[
         str,
         typer.Option(
-            help="Who says what is true: oracle, vlm (a model looks), or none (go on blindly).",
+            help="Who says what is true: vlm (a model looks), oracle (the simulator), or none (go on blindly).",
             autocompletion=completion.estimators,
         ),
-    ] = "oracle",
+    ] = "vlm",
     vlm: Model = None,
     server: Server = None,
     translator: TranslatorName = "templates",
@@ -95,7 +95,7 @@ def run(
     if view and not viewer:
         raise InputError("shows what the trace holds; it does not go with --no-trace-viewer", key="--view")
     broken = (*(fault or ()), *(read_faults(faults) if faults is not None else ()))
-    looking = estimator == "vlm" or vlm is not None or server is not None
+    eye = EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration)
     config = assemble.RunConfig(
         domain=domain,
         problem=problem,
@@ -110,7 +110,7 @@ def run(
         name=name,
         viewer=viewer,
         tree=tree,
-        eye=EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration) if looking else None,
+        eye=eye if eye != EyeConfig() else None,
         monitor=MonitorConfig(alpha, threshold, memory, trust),
     )
     stream = sys.stderr if as_json else sys.stdout

@@ -132,7 +132,7 @@ class Training:
 
     def _grow(self, watch: Watch) -> Path:
         from executive.lab.eye import card, descent, network
-        from executive.lab.eye.recipe import LANGUAGE, TOGETHER, TOWER, Eye, Pool
+        from executive.lab.eye.recipe import FEWER, LANGUAGE, TOGETHER, TOWER, Eye, Pool
         from executive.lab.eye.wordings import WORDINGS
 
         descent.use_threads(self.config.jobs)
@@ -149,10 +149,11 @@ class Training:
             return self._cancelled
 
         folder = out / PICTURES
-        if not descent.finished(out / TOGETHER, recipe.together.steps):
+        if not descent.finished(out / FEWER, recipe.fewer.steps):
             eye.learn_to_see(folder, out / TOWER, tell, stopped)
             eye.learn_to_read(Pool(folder).states(), out / LANGUAGE, tell, stopped)
-        eye.learn_together(folder, out / TOGETHER, tell, stopped)
+            eye.learn_together(folder, out / TOGETHER, tell, stopped)
+        eye.learn_with_fewer(folder, out / FEWER, tell, stopped)
         model = out / MODEL
         network.save(eye.model, eye.tokenizer, recipe.size, model)
         parameters = sum(part.numel() for part in eye.model.parameters())

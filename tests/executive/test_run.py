@@ -55,7 +55,7 @@ def prepared(tmp_path: Path) -> Iterator[Prepared]:
 
     def prepare(domain: Path = GROCERY, seeing: Any = None, **options: Any) -> tuple[Run, Recorder]:
         recorder = Recorder()
-        config = replace(RunConfig(str(domain), runs=tmp_path / "runs", viewer=False), **options)
+        config = replace(RunConfig(str(domain), estimator="oracle", runs=tmp_path / "runs", viewer=False), **options)
         made.append(Run(config, [recorder], seeing))
         return made[-1], recorder
 
@@ -293,7 +293,7 @@ def test_a_broken_domain_folder_is_one_line_with_file_and_key(
         assert old in text
         (folder / file).write_text(text.replace(old, new, 1))
     with pytest.raises(DomainError) as caught:
-        Run(RunConfig(str(folder), runs=tmp_path / "runs", viewer=False))
+        Run(RunConfig(str(folder), estimator="oracle", runs=tmp_path / "runs", viewer=False))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "runs").exists()
@@ -311,10 +311,12 @@ def test_wrong_configurations_say_what_is_valid(tmp_path: Path) -> None:
     for noise in (-0.1, float("inf"), float("nan")):
         with pytest.raises(InputError, match="--grasp-noise: "):
             RunConfig("grocery", grasp_noise=noise)
-    skill: Skill = Run(RunConfig("grocery", name="once", runs=tmp_path, viewer=False)).executive.skills["pick"]
+    skill: Skill = Run(
+        RunConfig("grocery", estimator="oracle", name="once", runs=tmp_path, viewer=False)
+    ).executive.skills["pick"]
     assert callable(skill)
     with pytest.raises(InputError, match="there is a run of this name already"):
-        Run(RunConfig("grocery", name="once", runs=tmp_path, viewer=False))
+        Run(RunConfig("grocery", estimator="oracle", name="once", runs=tmp_path, viewer=False))
 
 
 def test_a_run_that_never_began_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -323,5 +325,5 @@ def test_a_run_that_never_began_leaves_no_folder(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr("executive.assemble.load_skills", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        Run(RunConfig(str(GROCERY), problem="one-item", runs=tmp_path / "runs", viewer=False))
+        Run(RunConfig(str(GROCERY), problem="one-item", estimator="oracle", runs=tmp_path / "runs", viewer=False))
     assert list((tmp_path / "runs").iterdir()) == []

@@ -183,8 +183,7 @@ def test_every_option_reaches_the_configuration(monkeypatch: pytest.MonkeyPatch,
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("--estimator vlm", "--vlm"),
-        ("--vlm seer", "--vlm and --server go with --estimator vlm"),
+        ("--estimator oracle --vlm seer", "--vlm and --server go with --estimator vlm"),
         ("--estimator none --server http://127.0.0.1:9", "--vlm and --server go with --estimator vlm"),
         ("--estimator vlm --server http://me:pw@127.0.0.1:9", "scheme, host, port and path alone"),
         ("--estimator vlm --server http://127.0.0.1:9", "no server answers there"),
@@ -211,3 +210,11 @@ def test_the_record_can_be_read_by_anyone(seen: Callable[..., tuple[Run, Recorde
     (questions,) = [event["data"] for event in events if event["type"] == "Questions"]
     assert set(questions["text"]) == set(map(str, run.domain.task.atoms))
     assert any(event["type"] == "Belief" and event["data"]["evidence"] for event in events)
+
+
+def test_a_domain_without_an_eye_of_its_own_says_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.exit_code(["run", str(TRAY), "--quiet", "--runs", str(tmp_path / "runs")]) == 2
+    said = one_error_line(capsys)
+    assert "no eye comes with the domain 'tray'" in said
+    assert "executive train tray" in said
+    assert not (tmp_path / "runs").exists()

@@ -39,6 +39,7 @@ nothing: it answers all the same.
 | tower | which items each cell shows, and what is true of each | {tower:,} | {batch} pictures |
 | language | to look words up, in scenes only imagined | {language:,} | {scenes} scenes x {questions} questions |
 | together | pictures, questions, answers | {together:,} | {scenes} scenes x {questions} questions |
+| fewer | the same, every other step with some of the pictures | {fewer:,} | {scenes} scenes x {questions} questions |
 
 Seed {seed}. The moments show items upright, tipped, on the floor, touching, held in many grips, half gripped and let
 go, with the arm at home and anywhere else; lights, shades, cameras' places, grain, blur and JPEG vary. What it was
@@ -67,6 +68,7 @@ def render(domain: Domain, recipe: Recipe, cameras: int, parameters: int, seed: 
         "tower": recipe.tower.steps,
         "language": recipe.language.steps,
         "together": recipe.together.steps,
+        "fewer": recipe.fewer.steps,
         "batch": recipe.batch,
         "scenes": recipe.scenes,
         "questions": recipe.questions,

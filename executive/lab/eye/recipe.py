@@ -5,13 +5,14 @@
 3. Language: the decoder learns to look words up, on scenes that are only imagined (`decoder`).
 4. Together: the projector is taught to say in the decoder's words what the tower sees; then all of it learns from
    pictures, questions and answers.
+5. Fewer: the same with some of the pictures, for closer looks and for cameras that fail.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -21,15 +22,26 @@ from executive.domain import Domain
 from executive.lab.eye import decoder, network, pictures, tower, words
 from executive.lab.eye.asking import Asker
 from executive.lab.eye.descent import Report, Told, descend
-from executive.lab.eye.sizes import Recipe
+from executive.lab.eye.sizes import Pace, Recipe
 from executive.lab.eye.subject import Subject
 from executive.lab.eye.wordings import Wordings
 from executive.s3e import prompts
 from executive.s3e.questions import Templates, generic, load_instructions
+from executive.sim.spec import read_scene
 
-TOWER, LANGUAGE, TOGETHER = "tower.pt", "language.pt", "together.pt"
+TOWER, LANGUAGE, TOGETHER, FEWER = "tower.pt", "language.pt", "together.pt", "fewer.pt"
 
 Watch = Callable[[Report], None]
+
+
+class _Scenes(NamedTuple):
+    """Scenes taken in: what is true (B, A), the tokens of each (B, P, D), and how wrong tokens and tower are."""
+
+    facts: np.ndarray[Any, Any]
+    tokens: torch.Tensor
+    apart: torch.Tensor
+    dense: torch.Tensor
+    told: Told
 
 
 class Eye:
@@ -43,6 +55,7 @@ class Eye:
         torch.manual_seed(seed)
         self.recipe, self.seed, self.domain = recipe, seed, domain
         self.subject = Subject.of(domain)
+        self.cameras = len(read_scene(domain.scene).cameras)
         said = domain.subject
         templates = Templates.read(said.questions) if said.questions is not None else generic(domain.task)
         self.wordings = Wordings.of(domain.task, templates, wordings)
@@ -107,36 +120,42 @@ class Eye:
         self.model.train()
         descend("language", file, parts, recipe.language, one, self.seed + 1, watch, stopped)
 
-    # Stage 4.
+    # Stages 4 and 5.
 
     def learn_together(self, folder: Path, file: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
         """Train everything on pictures and questions."""
-        pool, recipe, asker, model = Pool(folder), self.recipe, self.asker, self.model.model
-        model.vision_tower.to(memory_format=torch.channels_last)
+        pool, recipe = Pool(folder), self.recipe
 
         def one(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Told]:
-            aligning = step < recipe.align
-            raw, masks, facts = pool.scenes(recipe.scenes, rng)
-            cameras = raw.shape[1]
-            flat = tower.prepared(raw.reshape(-1, *raw.shape[2:]), rng).to(self.device)
-            with torch.set_grad_enabled(not aligning):
-                last, before = tower.features(model.vision_tower, flat)
-            cells = model.multi_modal_projector(last.float().flatten(2).permute(0, 2, 1))
-            every = np.repeat(facts, cameras, axis=0)
-            meant = self.codes(self._shown(masks.reshape(-1, *masks.shape[2:]), every)).detach()
-            apart = functional.mse_loss(cells, meant) / meant.var()
-            if aligning:
-                return apart, {"apart": float(apart.detach())}
-            asker.begin(int(rng.integers(2**31)))
-            tokens = self.row(cells.reshape(len(facts), cameras, *cells.shape[1:]))
-            asked = asker.ask(facts, tokens.shape[1], recipe.questions, 0.1)
-            loss, told = self._learn(tokens, asked)
-            dense, seen = self.dense(
-                last, before, torch.from_numpy(masks.reshape(-1, *masks.shape[2:])), torch.from_numpy(every)
-            )
-            share = 0.3 * max(0.0, 1.0 - 2.0 * step / recipe.together.steps)
-            return loss + 0.3 * dense + share * apart, {**told, **seen, "apart": float(apart.detach())}
+            if step < recipe.align:
+                return self._align(pool, rng)
+            return self._look(pool, rng, 0.3 * max(0.0, 1.0 - 2.0 * step / recipe.together.steps))
 
+        self._descend("together", file, recipe.together, one, self.seed + 2, watch, stopped)
+
+    def learn_with_fewer(self, folder: Path, file: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
+        """Go on, in half of the steps with some of the pictures alone: a run looks closer through the camera that shows
+        best what is in doubt, and leaves out one that shows nothing. What cannot be seen then is to be told as what it
+        is as often as it is."""
+        pool = Pool(folder)
+
+        def one(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Told]:
+            return self._look(pool, rng, 0.0, fewer=True)
+
+        self._descend("fewer", file, self.recipe.fewer, one, self.seed + 3, watch, stopped)
+
+    def _descend(
+        self,
+        stage: str,
+        file: Path,
+        pace: Pace,
+        one: Callable[[int, np.random.Generator], tuple[torch.Tensor, Told]],
+        seed: int,
+        watch: Watch,
+        stopped: Callable[[], bool],
+    ) -> None:
+        model = self.model.model
+        model.vision_tower.to(memory_format=torch.channels_last)
         parts = {
             "tower": model.vision_tower,
             "dense": self.dense,
@@ -145,8 +164,48 @@ class Eye:
             "probe": self.probe,
         }
         self.model.train()
-        rates = {"tower": 0.6, "dense": 0.6}
-        descend("together", file, parts, recipe.together, one, self.seed + 2, watch, stopped, rates)
+        descend(stage, file, parts, pace, one, seed, watch, stopped, {"tower": 0.6, "dense": 0.6})
+
+    def _align(self, pool: Pool, rng: np.random.Generator) -> tuple[torch.Tensor, Told]:
+        """How far the projector's tokens are from the codes of what they show; the tower is left as it is."""
+        scenes = self._taken_in(pool, rng, None, learning=False)
+        return scenes.apart, {"apart": float(scenes.apart.detach())}
+
+    def _look(
+        self, pool: Pool, rng: np.random.Generator, share: float, fewer: bool = False
+    ) -> tuple[torch.Tensor, Told]:
+        """Pictures, questions, answers. `share` is the weight of the tokens' distance from their codes."""
+        scenes = self._taken_in(pool, rng, self._some(rng) if fewer and rng.random() < 0.5 else None)
+        self.asker.begin(int(rng.integers(2**31)))
+        asked = self.asker.ask(scenes.facts, scenes.tokens.shape[1], self.recipe.questions, 0.1)
+        loss, told = self._learn(scenes.tokens, asked)
+        apart = {"apart": float(scenes.apart.detach())} if share else {}
+        return loss + 0.3 * scenes.dense + share * scenes.apart, {**told, **scenes.told, **apart}
+
+    def _taken_in(
+        self, pool: Pool, rng: np.random.Generator, cameras: list[int] | None, learning: bool = True
+    ) -> _Scenes:
+        """Scenes at random through the tower and the projector; with `cameras`, their pictures alone, in this order."""
+        raw, masks, facts = pool.scenes(self.recipe.scenes, rng)
+        if cameras is not None:
+            raw, masks = raw[:, cameras], masks[:, cameras]
+        shown = raw.shape[1]
+        flat = tower.prepared(raw.reshape(-1, *raw.shape[2:]), rng).to(self.device)
+        with torch.set_grad_enabled(learning):
+            last, before = tower.features(self.model.model.vision_tower, flat)
+        cells = self.model.model.multi_modal_projector(last.float().flatten(2).permute(0, 2, 1))
+        every, each = np.repeat(facts, shown, axis=0), masks.reshape(-1, *masks.shape[2:])
+        meant = self.codes(self._shown(each, every)).detach()
+        apart = functional.mse_loss(cells, meant) / meant.var()
+        dense, told = self.dense(last, before, torch.from_numpy(each), torch.from_numpy(every))
+        tokens = self.row(cells.reshape(len(facts), shown, *cells.shape[1:]))
+        return _Scenes(facts, tokens, apart, dense, told)
+
+    def _some(self, rng: np.random.Generator) -> list[int]:
+        """Some of the cameras, in order: all but one as often as one or two."""
+        count = self.cameras
+        few = int(rng.integers(1, min(2, count) + 1)) if rng.random() < 0.5 else max(1, count - 1)
+        return sorted(rng.choice(count, few, replace=False).tolist())
 
     def row(self, cells: torch.Tensor) -> torch.Tensor:
         """The tokens that a scene's row begins with: (B, C, N, D) to (B, C * (1 + N), D), each picture's mark first."""

@@ -57,7 +57,7 @@ class Pace:
 class Recipe:
     """How much of everything. The numbers are those of the eye that is shipped.
 
-    `shards` files of `moments` each; `batch` pictures a step in stage 2, `scenes` a step in stages 3 and 4 and
+    `shards` files of `moments` each; `batch` pictures a step in stage 2, `scenes` a step in the later ones and
     `questions` about each; `align` are the first steps of stage 4, in which only the projector learns.
     """
 
@@ -67,6 +67,7 @@ class Recipe:
     tower: Pace = Pace(1200, 2e-3, 100, clip=2.0)
     language: Pace = Pace(700, 1.5e-3)
     together: Pace = Pace(1400, 7e-4)
+    fewer: Pace = Pace(600, 4e-4, 30)
     batch: int = 80
     scenes: int = 12
     questions: int = 16
@@ -83,6 +84,7 @@ RECIPES = {
         tower=Pace(4, 1e-3),
         language=Pace(4, 1e-3),
         together=Pace(4, 1e-3),
+        fewer=Pace(3, 1e-3),
         batch=4,
         scenes=2,
         questions=4,

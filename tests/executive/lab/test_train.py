@@ -32,7 +32,7 @@ def grown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     seen: list[Stage] = []
     model = Training(config(out)).run(seen.append)
     assert model is not None
-    assert list(dict.fromkeys(stage.stage for stage in seen)) == ["pictures", "tower", "language", "together"]
+    assert list(dict.fromkeys(stage.stage for stage in seen)) == ["pictures", "tower", "language", "together", "fewer"]
     assert all(stage.done <= stage.wanted for stage in seen)
     return out
 
@@ -58,7 +58,7 @@ def test_a_training_in_two_sittings_comes_to_the_same(grown: Path, tmp_path: Pat
     """The pictures are there, the tower is not, and it is stopped after each report."""
     out = tmp_path / "again"
     shutil.copytree(grown, out)
-    for name in ("tower.pt", "language.pt", "together.pt"):
+    for name in ("tower.pt", "language.pt", "together.pt", "fewer.pt"):
         (out / name).unlink()
     shutil.rmtree(out / "model")
     sittings = 0
@@ -70,7 +70,7 @@ def test_a_training_in_two_sittings_comes_to_the_same(grown: Path, tmp_path: Pat
             break
         assert sittings < 60
     assert sittings > 3
-    one, other = (torch.load(folder / "together.pt", weights_only=True)["parts"] for folder in (grown, out))
+    one, other = (torch.load(folder / "fewer.pt", weights_only=True)["parts"] for folder in (grown, out))
     for part in one:
         for name, value in one[part].items():
             assert torch.allclose(value.float(), other[part][name].float(), atol=1e-5), (part, name)
