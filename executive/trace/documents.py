@@ -154,7 +154,7 @@ def _note(story: Story, atom: Atom) -> str:
 
 def _taken(last: LookLine, cameras: Set[str]) -> str:
     """Which look it was, and what it took: through which of the `cameras`, unless it was all of them."""
-    cause = f", {escaped(last.cause)}" if last.cause else ""
+    cause = f" ({escaped(last.cause)})" if last.cause else ""
     how = _KINDS.get(last.kind, "") if last.kind else ""
     asked = f"{last.questions} of {last.atoms} atoms" if last.atoms else f"{last.questions} atoms"
     through = f" through {escaped(', '.join(last.cameras))}" if last.cameras and set(last.cameras) < cameras else ""

@@ -49,10 +49,8 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
             through = f" through {', '.join(look.cameras)}" if look.cameras else ""
             return [LogLine(f"look {look.observation_id}, {look.kind}: {look.questions} atoms{through}", "LOOK", BLUE)]
         case Judged(contradictions=clashes, overruled=overruled):
-            lines = [f"answers {contradiction(clash)}" for clash in clashes] + [
-                _overruled(wrong) for wrong in overruled
-            ]
-            return [LogLine(line, "LOOK", AMBER) for line in lines]
+            told = [f"answers {contradiction(clash)}" for clash in clashes], list(map(_overruled, overruled))
+            return [LogLine(_first(some), "LOOK", AMBER) for some in told if some]
         case Blinded(camera=camera, reason=reason):
             return [LogLine(f"camera {camera} is left out: {reason}", "LOOK", RED)]
         case Guarded(held=held) as guarded if held is not True:
@@ -82,6 +80,11 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
         case Ended() as ended:
             return [LogLine(f"{ended.outcome}: {ended.reason}", "END", GREEN if ended.goal_seen else RED)]
     return []
+
+
+def _first(some: list[str]) -> str:
+    """The first of some findings of a kind; an eye that is often wrong leaves room for what is decided."""
+    return some[0] + (f" (and {len(some) - 1} more)" if len(some) > 1 else "")
 
 
 def _overruled(wrong: Overruled) -> str:

@@ -13,7 +13,7 @@ from executive.trace.grip import Grip
 from executive.trace.look_line import LookLine
 from executive.trace.pictures import to_jpeg
 from executive.trace.viewer_blueprint import CAMERAS, WORLD
-from executive.trace.viewer_colours import AMBER, BLUE, CYAN, DIM, RED, Colour
+from executive.trace.viewer_colours import AMBER, BLUE, CYAN, DIM, RED, WHITE, Colour
 from executive.trace.viewer_parts import mesh, pinhole, stamp, time_columns
 from executive.types import Camera, Event, FloatArray, Frame, LookKind, Motion, Observation, Scenery
 
@@ -109,7 +109,7 @@ class Scene:
                 continue
             colour, caption = (AMBER, "glance") if glance else (BLUE, "") if took_part else (DIM, "")
             if why:
-                colour, caption = RED, f"left out: {why}"
+                colour, caption = RED, "left out"
             elif not took_part:
                 caption = f"of look {seen_in.get(name, look.id)}"
             if self._marked.get(name) != (colour, caption):
@@ -123,7 +123,7 @@ class Scene:
         )
         self._record.log([*_camera(name), "border"], border)
         below = rr.Points2D(
-            [[width / 2, height * 0.9]], radii=0.0, colors=colour, labels=[plain(caption)], show_labels=bool(caption)
+            [[width / 2, height * 0.78]], radii=0.0, colors=WHITE, labels=[plain(caption)], show_labels=bool(caption)
         )
         self._record.log([*_camera(name), "caption"], below)
         if any(plain(camera.name) == name for camera in self.cameras):

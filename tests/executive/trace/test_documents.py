@@ -42,7 +42,7 @@ def test_escaped_is_one_line_that_unescapes_to_the_text(text: str) -> None:
 @given(st.lists(events, max_size=15))
 def test_any_story_can_be_told(some: list[Event]) -> None:
     story = story_of([synthetic_events()[0], *some])
-    for text in (documents.status(story), documents.belief(story)):
+    for text in (documents.status(story), documents.belief(story), documents.look(story)):
         assert documents.plain(text) == text
 
 
@@ -58,9 +58,24 @@ def test_surprises_stand_out_and_come_first() -> None:
     text = documents.belief(story_of(run[:end]))
     assert text.startswith("**after place cereal-box white-table**, look 2")
     rows = [row for row in text.splitlines() if row.startswith("|")][2:]
-    assert rows[0] == "| **✗** | **on-table(cereal-box,white-table)** | **true** | **0.02** |"
+    assert rows[0] == "| **✗** | **`on-table(cereal-box,white-table)`** | **true** | **0.02** |"
+    assert "### ✗ 2 not as expected" in text
     assert [row.count("**") for row in rows] == [8, 8, 0, 0]
     assert text.endswith("6 more, as expected")
+
+
+def test_a_look_tells_what_it_changed_what_came_true_first() -> None:
+    run = synthetic_events()
+    end = next(i for i, event in enumerate(run) if event.cycle == 2)
+    text = documents.look(story_of(run[:end]))
+    assert text.startswith("**look 1** (after pick(cereal-box,wood-table)): 10 ")
+    rows = [row for row in text.splitlines() if row.startswith("|")][2:]
+    assert rows == [
+        "| **robot-gripping(cereal-box)** | **false** | **true** | **0.98** |",
+        "| on-table(cereal-box,wood-table) | true | false | 0.02 |",
+        "| robot-gripper-empty() | true | false | 0.02 |",
+    ]
+    assert documents.look(story_of(run[:4])) == ""
 
 
 def test_the_status_tells_the_outcome_at_the_end() -> None:
