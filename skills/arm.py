@@ -28,6 +28,9 @@ _EMPTY_WIDTH = 0.004
 _SLACK = 0.008
 """m; what is held may shift between the pads by this much before it counts as dropped."""
 
+_FIRM = 0.002
+"""m; what has shifted between the pads by less than this is held firmly, whatever those who look on may see."""
+
 _BLOCKED = 0.15
 """rad; a joint that is this far from where it is commanded to be is held up by something. Unhindered, it lags by less
 than 0.01."""
@@ -226,12 +229,14 @@ class Attempt:
     def _felt(self) -> SkillError | None:
         if self.context.cancelled():
             return SkillError(SkillStatus.CANCELLED, "cancelled")
-        if self._grip_width is not None and abs(self.body.gripper_width() - self._grip_width) > _SLACK:
-            self._grip_width = None
-            return SkillError(SkillStatus.DROPPED, "the fingers no longer feel what they gripped", Sense.FELT)
-        if self._grip_width is not None and not self._heard and (why := self.context.lost()):
-            self._heard = True  # said once; on the way home it is known
-            return SkillError(SkillStatus.DROPPED, why, Sense.SEEN)
+        if self._grip_width is not None:
+            shift = abs(self.body.gripper_width() - self._grip_width)
+            if shift > _SLACK:
+                self._grip_width = None
+                return SkillError(SkillStatus.DROPPED, "the fingers no longer feel what they gripped", Sense.FELT)
+            if shift > _FIRM and not self._heard and (why := self.context.lost()):
+                self._heard = True  # said once; on the way home it is known
+                return SkillError(SkillStatus.DROPPED, why, Sense.SEEN)
         return None
 
     def _blocked(self, commanded: FloatArray) -> SkillError | None:

@@ -117,7 +117,7 @@ def _guarded(event: Event) -> str:
     guarded = event.payload
     assert isinstance(guarded, Guarded)
     told = {True: "is still so", False: "is seen no longer", None: "cannot be told"}[guarded.held]
-    lost = ": the skill was told to end" if guarded.lost else ""
+    lost = ": the skill was told" if guarded.lost else ""
     return f"At {event.time:.1f} s, {guarded.atom} {told} (look {guarded.observation_id}){lost}."
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from executive.protocols import Skill, SkillContext
-from executive.types import Facts, Sense, SkillStatus, Step
+from executive.types import Facts, Sense, SkillResult, SkillStatus, Step
+from skills import arm
 from skills.arm import Attempt
 from skills.place import place
 from skills.vantage import aside, home, sights
@@ -55,19 +56,30 @@ def test_home_is_gone_to_once(robot: Robot) -> None:
     assert robot.so("robot-gripping(soda-can)")
 
 
-def test_what_others_see_to_be_lost_ends_the_skill_and_the_hand_stays_closed(robot: Robot) -> None:
-    """They may be mistaken, as they are here."""
-    target = other(robot.table_of("lemon"))
+def doubted(robot: Robot, target: str) -> SkillResult:
+    """The can on its way, and from 0.8 s on somebody who says that it is gone. It is not."""
     start = robot.world.time
     context = SkillContext(
         robot.world.handle, robot.rng, robot._hear, lambda: False,
         lambda: "it is gone" if robot.world.time > start + 0.8 else "",
     )  # fmt: skip
-    result = place(Step("place", ("soda-can", target), Facts(), Facts()), context)
+    return place(Step("place", ("soda-can", target), Facts(), Facts()), context)
+
+
+def test_a_hand_that_is_not_sure_heeds_what_others_see_and_stays_closed(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arm, "_FIRM", -1.0)
+    result = doubted(robot, other(robot.table_of("lemon")))
     assert (result.status, result.sense, result.reason) == (SkillStatus.DROPPED, Sense.SEEN, "it is gone")
     assert result.planned_seconds > result.seconds
-    assert robot.so("robot-gripping(soda-can)")
-    assert robot.place("soda-can", target).done, "and can be put down after all"
+    assert robot.so("robot-gripping(soda-can)"), "they may be mistaken, as they are here"
+
+
+def test_a_hand_that_feels_what_it_holds_carries_on(robot: Robot) -> None:
+    target = other(robot.table_of("lemon"))
+    assert doubted(robot, target).status is SkillStatus.DONE
+    assert robot.so(f"on-table(soda-can,{target})")
 
 
 def test_a_drop_that_is_felt_says_so(robot: Robot) -> None:
