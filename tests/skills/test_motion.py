@@ -110,6 +110,31 @@ def test_motion_avoids_what_is_in_the_way_and_repeats_by_seed(arm: Arm) -> None:
         assert arm.planner.edge_free(one, next_one)
 
 
+def test_the_tree_that_was_searched_grows_from_the_start_and_changes_nothing(arm: Arm) -> None:
+    world = grocery(seed=3)
+    blocked = {item: pose.copy() for item, pose in world.obstacles().items()}
+    for item, (x, y) in zip(
+        ITEMS, [(0.5, 0.2), (0.4, 0.2), (0.6, 0.2), (0.5, -0.2), (0.4, -0.2), (0.6, -0.2)], strict=True
+    ):
+        blocked[item][:2] = x, y
+    arm.collision.update(blocked, world.gripper_joints())
+    start, goal = reach(arm, above(0.5, 0.42, 0.86)), reach(arm, above(0.45, -0.42, 0.86))
+    bare = arm.planner.plan(start, [goal], seed=5)
+    told = arm.planner.plan(start, [goal], seed=5, keep_tree=True)
+    assert bare is not None
+    assert told is not None
+    assert np.array_equal(bare.configurations, told.configurations)
+    assert bare.tree is None
+    assert told.tree is not None
+    parents, children = told.tree[:, 0], told.tree[:, 1]
+    assert told.tree.shape[1:] == (2, len(start))
+    reached = {tuple(q) for q in children} | {tuple(start)}
+    assert {tuple(q) for q in parents} <= reached, "every edge goes on from the start or from where another one ends"
+    assert len({tuple(q) for q in children}) == len(children), "nothing is reached in two ways"
+    for parent, child in told.tree[:: max(1, len(told.tree) // 20)]:
+        assert arm.planner.edge_free(parent, child)
+
+
 def test_no_motion_into_the_table(arm: Arm) -> None:
     world = grocery(seed=3)
     arm.collision.update(world.obstacles(), world.gripper_joints())
