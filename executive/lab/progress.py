@@ -89,7 +89,8 @@ def estimate(progress: Progress) -> str:
     pace = progress.new / progress.seconds
     left = round((progress.wanted - progress.points) / pace)
     clock = f"{left // 3600}:{left // 60 % 60:02d}:{left % 60:02d}"
-    return f"{60 * pace:.0f} a minute, {clock} left"
+    said = f"{60 * pace:.0f} a minute" if 60 * pace >= 3 else f"{3600 * pace:.0f} an hour"
+    return f"{said}, {clock} left"
 
 
 def summary(manifest: Mapping[str, Any], folder: object) -> str:
