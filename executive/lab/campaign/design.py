@@ -44,6 +44,8 @@ class Contender:
     judge: MonitorConfig = field(default_factory=MonitorConfig)
     model: str = ""
     """Tells whether the eye's model is what it was."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Other options of `RunConfig` that it has for itself."""
 
     def __str__(self) -> str:
         return f"{self.estimator}, {self.monitor}" if self.monitor else self.estimator
@@ -98,7 +100,7 @@ class Campaign:
                             eye=who.eye,
                             monitor=who.judge,
                             viewer=False,
-                            **self.options,
+                            **{**self.options, **who.options},
                         )
                         yield Episode(place, faults, who, seed, config)
 
@@ -115,6 +117,7 @@ class Campaign:
                 "eye": None if who.eye is None else _named(encode(who.eye)),
                 "model": who.model,
                 "monitor": None if who.kind == "none" else _named(encode(who.judge)),
+                "options": dict(who.options),
             }
             for who in self.contenders
         }

@@ -149,11 +149,17 @@ def command(config: RunConfig) -> str:
         "--grasp-noise": config.grasp_noise or None,
         "--max-replans": config.max_replans,
         "--max-actions": config.max_actions,
+        "--max-looks-again": config.max_looks_again,
+        "--max-questions": config.max_questions,
         "--alpha": judge.alpha,
         "--threshold": judge.threshold,
         "--trust": judge.trust,
     }
-    flags = {"--no-home-pose": not config.home_pose, "--no-memory": not judge.memory}
+    flags = {
+        "--no-home-pose": not config.home_pose,
+        "--no-memory": not judge.memory,
+        "--no-guard": not config.guard,
+    }
     if eye is not None:
         options |= {"--vlm": eye.vlm, "--server": eye.server, "--llm": eye.llm, "--calibration": eye.calibration}
         options["--translator"] = eye.translator if eye.translator != "templates" else None

@@ -15,9 +15,9 @@
     none = {}
     small = { estimator = "vlm", vlm = "FOLDER" }
 
-    [monitors]                          # what is made of looks: plain, consistent, full, or options of `run`
-    full = {}
-    doubtful = { alpha = 0.05 }
+    [monitors]                          # what is made of looks: plain, consistent, full, or options of `run`: alpha,
+    full = {}                           # threshold, memory, trust, max_looks_again, max_questions, guard
+    doubtful = { alpha = 0.05, max_looks_again = 1 }
 
     [run]                               # other options of `run` for all episodes
     grasp_noise = 0.004
@@ -99,6 +99,9 @@ class _Monitor(_Table):
     threshold: float | None = None
     memory: bool = True
     trust: str | None = None
+    max_looks_again: int | None = Field(default=None, ge=0)
+    max_questions: int | None = Field(default=None, ge=1)
+    guard: bool = True
 
 
 class _Run(_Table):
@@ -106,6 +109,9 @@ class _Run(_Table):
     grasp_noise: float = 0.0
     max_replans: int | None = Field(default=None, ge=0)
     max_actions: int | None = Field(default=None, ge=1)
+    max_looks_again: int | None = Field(default=None, ge=0)
+    max_questions: int | None = Field(default=None, ge=1)
+    guard: bool = True
 
 
 class _File(_Table):
@@ -119,6 +125,9 @@ class _File(_Table):
     monitors: dict[str, _Monitor] = {"full": _Monitor()}
     run: _Run = _Run()
 
+
+_PATIENCE = ("max_looks_again", "max_questions", "guard")
+"""What a monitor's table says of looking, and not of what is made of looks."""
 
 _TABLES: Mapping[str, type[_Table]] = {"domains": _Domain, "estimators": _Estimator, "monitors": _Monitor, "run": _Run}
 
@@ -208,7 +217,8 @@ class _Reader:
                 judge = self._judge(title, options)
                 # What one monitor for all is called goes without saying.
                 told = title if len(self._said.monitors) > 1 else ""
-                made.append(Contender(name, told, kind, eye, judge, model))
+                others = {key: getattr(options, key) for key in _PATIENCE if key in options.model_fields_set}
+                made.append(Contender(name, told, kind, eye, judge, model, others))
         return tuple(made)
 
     def _eye(self, said: _Estimator, kind: str, key: str) -> tuple[EyeConfig | None, str]:
@@ -235,10 +245,10 @@ class _Reader:
 
     def _judge(self, name: str, said: _Monitor) -> MonitorConfig:
         key = f"monitors.{name}"
-        if not said.model_fields_set:
-            if name not in PRESETS:
-                self._fail(key, f"say what it does, or name one of Executive's own; {nearest(name, PRESETS)}")
+        if said.model_fields_set <= {*_PATIENCE} and name in PRESETS:
             return preset(name)
+        if not said.model_fields_set:
+            self._fail(key, f"say what it does, or name one of Executive's own; {nearest(name, PRESETS)}")
         trust = None if said.trust is None else self._beside(said.trust)
         try:
             return MonitorConfig(said.alpha, said.threshold, said.memory, trust)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ CONFIGS: list[dict[str, Any]] = [
     {},
     {"problem": "one", "seed": 7, "estimator": "none", "faults": ("drop:p=0.3", "camera:front=black@5-8")},
     {"home_pose": False, "grasp_noise": 0.004, "max_replans": 0, "max_actions": 9},
+    {"max_looks_again": 0, "max_questions": 8, "guard": False},
     {"monitor": MonitorConfig(alpha=0.1, memory=False, trust=Path("a file"))},
     {"monitor": MonitorConfig(threshold=0.7)},
     {"estimator": "vlm", "eye": EyeConfig("a folder", None, "none", None, False, True, Path("c.json"))},
@@ -47,6 +49,12 @@ def test_the_command_carries_out_the_same_run(chosen: dict[str, Any], monkeypatc
     assert made == [wanted]
 
 
+def test_every_option_of_a_run_is_in_some_command_that_is_tested() -> None:
+    """An option that comes to be is to be put into the command, and here."""
+    decides = {field.name for field in dataclasses.fields(RunConfig)} - {"domain", "runs", "name", "viewer", "tree"}
+    assert {name for chosen in CONFIGS for name in chosen} == decides
+
+
 def test_failures_are_told_in_a_line() -> None:
     episode = next(campaign().episodes())
     assert failure(episode, ValueError("two\nlines"), 1.5).error == "ValueError: two lines"
@@ -63,7 +71,7 @@ def test_what_no_atom_is_true_of_is_out_of_reach() -> None:
 
 def test_an_episode_in_the_simulator_is_scored_by_its_truth(tmp_path: Path) -> None:
     place, who = Place("tray", "fill-tray", str(TRAY)), Contender("oracle", kind="oracle")
-    config = RunConfig(str(TRAY), seed=1, faults=("miss@1",), viewer=False, max_actions=2)
+    config = RunConfig(str(TRAY), seed=1, estimator="oracle", faults=("miss@1",), viewer=False, max_actions=2)
     made = Simulated(tmp_path)(Episode(place, "missed", who, 1, config))
     assert (made.outcome, made.goal_true, made.actions, made.lost, made.error) == ("gave-up", False, 2, (), "")
     (strike,) = made.strikes

@@ -62,12 +62,13 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
         small = { estimator = "vlm", vlm = "eye", translator = "none", instructions = false }
         [monitors]
         plain = {}
-        doubtful = { alpha = 0.1, trust = "trust.json" }
+        doubtful = { alpha = 0.1, trust = "trust.json", max_looks_again = 1, guard = false }
         [run]
         home_pose = false
         grasp_noise = 0.004
         max_replans = 9
         max_actions = 40
+        max_looks_again = 2
     """
     made = read_campaign(written(tmp_path, text))
     assert (made.about, made.seeds, made.minutes) == ("Two lines", (7, 3), 0.5)
@@ -79,6 +80,9 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
     assert last.key == ("grocery", "one-item", "some", "small", "doubtful", "3")
     assert last.config.eye == EyeConfig(vlm=str(tmp_path / "eye"), translator="none", instructions=False)
     assert last.config.monitor == MonitorConfig(alpha=0.1, trust=tmp_path / "trust.json")
+    assert (last.config.max_looks_again, last.config.guard) == (1, False), "what a contender has for itself goes first"
+    plain = next(episode for episode in made.episodes() if str(episode.contender) == "small, plain")
+    assert (plain.config.max_looks_again, plain.config.guard) == (2, True)
     assert made.contenders[1].judge == PRESETS["plain"]
     options = (last.config.home_pose, last.config.grasp_noise, last.config.max_replans, last.config.max_actions)
     assert options == (False, 0.004, 9, 40)
@@ -119,6 +123,7 @@ def test_episodes_come_seed_by_seed_and_each_once(seeds: int, faults: int) -> No
         (HEAD + "[estimators]\noracle = { vlm = 'x' }\n", "estimators.oracle: 'oracle' asks no model"),
         (HEAD + "[estimators]\nvlm = { vlm = 'x', translator = 'lm' }\n", "estimators.vlm: no translator 'lm'"),
         (HEAD + "[monitors]\nplane = {}\n", "monitors.plane: say what it does, or name one of Executive's own"),
+        (HEAD + "[monitors]\nx = { max_questions = 0 }\n", "monitors.x.max_questions: should be greater than or equal"),
         (HEAD + "[monitors]\nx = { alpha = 2.0 }\n", "monitors.x: an error rate between 0 and 1, not 2"),
         (HEAD + "[run]\ngrasp_noise = 2.0\n", "run: --grasp-noise: a standard deviation in m"),
         (HEAD + "[run]\nmax_actions = 0\n", "run.max_actions: should be greater than or equal to 1, got 0"),
