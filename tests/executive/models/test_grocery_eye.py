@@ -1,0 +1,92 @@
+"""The eye that comes with the grocery domain: small, plain weights, and it sees."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executive.assemble import Run, RunConfig
+from executive.domain import load_domain
+from executive.eye import EyeConfig, open_eye, settled, shipped
+from executive.lab.eye.scenes import Sampler
+from executive.sim.studio import Lights, Shift, Studio
+from executive.types import Observation, OutcomeKind
+
+DOMAIN = load_domain("grocery")
+
+
+@pytest.fixture(scope="module")
+def folder() -> Path:
+    found = shipped("grocery")
+    assert found is not None
+    return found
+
+
+def test_it_is_small_and_holds_no_code(folder: Path) -> None:
+    files = [file for file in folder.rglob("*") if file.is_file()]
+    assert sum(file.stat().st_size for file in files) <= 30_000_000
+    assert {file.suffix for file in files} <= {".json", ".safetensors", ".jinja", ".md"}
+    assert "auto_map" not in json.loads((folder / "config.json").read_text(encoding="utf-8"))
+
+
+def test_transformers_alone_loads_it(folder: Path) -> None:
+    from transformers import AutoModelForImageTextToText, AutoProcessor
+
+    model = AutoModelForImageTextToText.from_pretrained(folder, local_files_only=True, trust_remote_code=False)
+    processor = AutoProcessor.from_pretrained(folder, local_files_only=True, trust_remote_code=False)
+    assert type(model).__name__ == "FastVlmForConditionalGeneration"
+    assert type(processor).__module__.startswith("transformers.")
+
+
+def test_it_is_what_is_meant_where_no_model_is_named(folder: Path) -> None:
+    assert settled(EyeConfig(), DOMAIN.subject).vlm == str(folder)
+    assert settled(EyeConfig(vlm="elsewhere"), DOMAIN.subject).vlm == "elsewhere"
+
+
+class Moments:
+    """A few moments that no training saw, and the pictures of each."""
+
+    def __init__(self) -> None:
+        sampler = Sampler(DOMAIN, [20_261_122])
+        self.studio = Studio(sampler.world.model, sampler.world.spec)
+        self.moments = [moment for _ in range(6) for moment in sampler.draw()]
+        self.cameras = [camera.name for camera in sampler.world.spec.cameras]
+        self._sampler = sampler
+
+    def close(self) -> None:
+        self.studio.close()
+        self._sampler.close()
+
+
+@pytest.fixture(scope="module")
+def moments() -> Iterator[Moments]:
+    made = Moments()
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("harder", [False, True])
+def test_it_sees_moments_that_no_training_saw(moments: Moments, harder: bool) -> None:
+    """Far below what an evaluation measures, and far above what could be guessed (three in four atoms are false)."""
+    eye, rng = open_eye(EyeConfig(), DOMAIN.subject), np.random.default_rng(0)
+    right, atoms = [], DOMAIN.task.atoms
+    for number, moment in enumerate(moments.moments):
+        lights = Lights.drawn(rng) if harder else None
+        shifts = {camera: Shift.drawn(rng) for camera in moments.cameras} if harder else {}
+        images = moments.studio.pictures(moment.qpos, lights, shifts)
+        belief = eye.estimate(Observation(number, 0.0, images, np.zeros(6)), atoms)
+        assert not belief.unanswered
+        right += [(belief.probability[atom] > 0.5) == moment.facts[atom] for atom in atoms]
+    assert np.mean(right) > 0.96
+
+
+def test_a_run_sees_with_it_unless_told_otherwise(tmp_path: Path) -> None:
+    with Run(RunConfig("grocery", problem="one-item", runs=tmp_path, viewer=False)) as run:
+        summary = run.execute()
+    assert summary["estimator"] == "s3e:grocery-eye"
+    assert summary["outcome"] == OutcomeKind.GOAL_REACHED
+    assert summary["goal_true"]
