@@ -112,6 +112,8 @@ class Run:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        for sink in self._sinks:
+            sink.close()
         self.world.close()
 
     def cancel(self) -> None:
@@ -120,11 +122,8 @@ class Run:
 
     def execute(self) -> Summary:
         """Carry the task out, score it by the simulator's truth, and write `summary.json`."""
-        if self._past is None or not self._past.is_over:
+        if self._past is None or not self._past.is_over:  # else it was killed between its end and its summary
             self.executive.run()
-        else:  # it was killed between its end and its summary
-            for sink in self._sinks:
-                sink.close()
         goal = self.domain.task.goal
         goal_true = self.truth.of(tuple(goal)).entails(goal)
         summary = self._collector.summary(goal_true)
