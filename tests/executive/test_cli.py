@@ -22,6 +22,7 @@ import executive.__main__ as module
 from executive import __version__, assemble, cli, machine
 from executive.domain import list_domains
 from executive.errors import DomainError, InputError, MissingError
+from executive.policy import Settings
 from executive.protocols import Sink
 from executive.trace import screenshot, viewer_process
 from executive.trace.report import STAGES, Looks, Summary
@@ -126,7 +127,8 @@ def test_every_option_reaches_the_configuration(during: Any, tmp_path: Path) -> 
     during(ends(OutcomeKind.GOAL_REACHED))
     line = (
         "run grocery --problem breakfast --seed 3 --estimator none --fault drop@4 --fault miss@1 --no-home-pose "
-        f"--grasp-noise 0.01 --max-replans 2 --max-actions 9 --runs {tmp_path} --name x --no-trace-viewer --quiet"
+        f"--grasp-noise 0.01 --max-replans 2 --max-actions 9 --runs {tmp_path} --name x --no-trace-viewer --quiet "
+        "--max-looks-again 1 --max-questions 8 --no-guard"
     )
     assert cli.exit_code(shlex.split(line)) == 0
     assert FakeRun.last.config == assemble.RunConfig(
@@ -139,10 +141,21 @@ def test_every_option_reaches_the_configuration(during: Any, tmp_path: Path) -> 
         grasp_noise=0.01,
         max_replans=2,
         max_actions=9,
+        max_looks_again=1,
+        max_questions=8,
+        guard=False,
         runs=tmp_path,
         name="x",
         viewer=False,
     )
+
+
+def test_what_a_look_may_cost_is_among_the_settings() -> None:
+    stingy = assemble.RunConfig("grocery", max_looks_again=0, max_questions=5, guard=False).settings()
+    assert (stingy.max_looks_again, stingy.max_questions, stingy.guard_looks) == (0, 5, 0)
+    assert assemble.RunConfig("grocery").settings() == Settings()
+    with pytest.raises(InputError, match="--max-questions"):
+        assemble.RunConfig("grocery", max_questions=0)
 
 
 def test_defaults_are_those_of_the_library(during: Any) -> None:
