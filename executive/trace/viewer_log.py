@@ -49,8 +49,8 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
             through = f" through {', '.join(look.cameras)}" if look.cameras else ""
             return [LogLine(f"look {look.observation_id}, {look.kind}: {look.questions} atoms{through}", "LOOK", BLUE)]
         case Judged(contradictions=clashes, overruled=overruled):
-            told = [f"answers {contradiction(clash)}" for clash in clashes], list(map(_overruled, overruled))
-            return [LogLine(_first(some), "LOOK", AMBER) for some in told if some]
+            findings = [f"answers {contradiction(clash)}" for clash in clashes], list(map(_overruled, overruled))
+            return [LogLine(_first(some), "LOOK", AMBER) for some in findings if some]
         case Blinded(camera=camera, reason=reason):
             return [LogLine(f"camera {camera} is left out: {reason}", "LOOK", RED)]
         case Guarded(held=held) as guarded if held is not True:
