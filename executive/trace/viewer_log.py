@@ -58,7 +58,7 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
             lost = ", again: the skill is told" if guarded.lost else ""
             return [LogLine(f"{guarded.atom} {said} (look {guarded.observation_id}){lost}", "GUARD", AMBER)]
         case Resumed() as resumed:
-            told = f"another process goes on with the world as it was in cycle {resumed.cycle}"
+            told = f"another process goes on with the world as it was in cycle {resumed.restored}"
             return [LogLine(told, "PROCESS", WHITE)]
         case Moved() as moved:
             reason = f", {moved.reason}" if moved.reason else ""
