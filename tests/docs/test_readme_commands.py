@@ -18,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer.core
+import typer.main
 from PIL import Image as Picture
 
 from executive import cli
@@ -31,11 +33,17 @@ INSTEAD = {
     "runs/<id>": "runs/example",
     "--points 2000": "--points 2",
     "--alpha 0.05": "--alpha 0.5",  # all that two looks can promise
+    "train grocery": "train grocery --recipe smallest --jobs 1",
+    "benchmarks/campaigns/grasp-drop.toml": "small.toml",
+    "campaigns/grasp-drop": "campaigns/small",
+    "--seeds 20": "--seeds 1 --jobs 1",
     "http://127.0.0.1:8000/v1": "SERVER",
 }
 CODES = (
     (r"inspect \S+$", {3}),  # there is no screen here, and it says so
     (r"--estimator none", {1}),  # nobody looks
+    (r"--engine ray", {0, 2, 3}),  # there is no cluster here, and it says so; or nothing is left to play
+    (r"resume", {2}),  # the run in the example has come to its end, and it says so
     (r"FOLDER|SERVER", {0, 1}),  # as a model that knows nothing sees it
     (r"", {0}),
 )
@@ -83,10 +91,26 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+SMALL_CAMPAIGN = """
+title = "A small one"
+seeds = 1
+[[domains]]
+domain = "grocery"
+problems = ["one-item"]
+[faults]
+nothing = []
+[estimators]
+none = {}
+oracle = {}
+"""
+
+
 def prepare(folder: Path, text: str) -> None:
     """What only some blocks need."""
     if "FOLDER" in text:
         build("fastvlm", folder / "FOLDER", answering=8.0)
+    if "bench" in text:
+        (folder / "small.toml").write_text(SMALL_CAMPAIGN)
     if "clip.mp4" in text:
         write_video(folder / "clip.mp4", greys(6))
     if (" data " in text and "collect" not in text) or "evaluations/" in text:
@@ -113,6 +137,13 @@ def test_a_block_of_commands(
         code = cli.exit_code([argument.replace("SERVER", server) for argument in arguments])
         out, err = capsys.readouterr()
         assert code in codes, f"{line}\n{out}\n{err}"
+
+
+def test_every_command_is_in_one_of_them() -> None:
+    group = typer.main.get_command(cli.app)
+    assert isinstance(group, typer.core.TyperGroup)
+    shown = {line.split()[1] for block in COMMANDS for line in lines(block) if line.startswith("executive ")}
+    assert group.commands.keys() - shown == set()
 
 
 def test_make_run_is_the_first_command() -> None:
