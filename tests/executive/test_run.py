@@ -24,6 +24,7 @@ from executive.trace.events import read_events
 from executive.types import (
     Atom,
     Belief,
+    Blinded,
     Compared,
     Decision,
     DecisionKind,
@@ -31,6 +32,9 @@ from executive.types import (
     Ended,
     Facts,
     FaultInjected,
+    Judged,
+    Looked,
+    LookKind,
     NoPlan,
     Observation,
     Plan,
@@ -193,6 +197,29 @@ def test_09_and_19_what_never_works_ends_with_a_name(prepared: Prepared) -> None
     assert summary["unreached"] == ["on-table(lemon,wood-table)"]
     assert summary["actions"] < 15
     assert "no collision-free motion" in of(seen, Ended)[0].reason
+
+
+def test_13_what_cannot_be_seen_for_a_while_keeps_its_last_value_and_grows_old(prepared: Prepared) -> None:
+    """Neither the oracle's answer nor what an action was to do stands in for a look."""
+    run, seen = prepared(problem="breakfast", faults=("estimator:silent,item=cereal-box@1-2",))
+    summary = run.execute()
+    assert (summary["outcome"], summary["goal_true"], summary["replans"]) == ("goal-reached", True, 0)
+    # That it is not in the hand follows from what is.
+    hidden = {atom for atom in run.domain.task.atoms if "cereal-box" in atom.args and atom.predicate == "on-table"}
+    judged = {judgement.observation_id: judgement for judgement in of(seen, Judged)}
+    blind = [judged[belief.observation_id] for belief in of(seen, Belief) if belief.unanswered >= hidden]
+    assert not any(judgement.seen.keys() & hidden for judgement in blind)
+    assert {judgement.remembered[atom].age for judgement in blind for atom in hidden} == {1, 2}
+
+
+def test_26_a_camera_that_goes_black_is_left_out_and_nothing_else_changes(prepared: Prepared) -> None:
+    run, seen = prepared(problem="one-item", faults=("camera:front=black@1-2",))
+    summary = run.execute()
+    assert (summary["outcome"], summary["actions"], summary["replans"]) == ("goal-reached", 2, 0)
+    (blinded,) = of(seen, Blinded)
+    assert blinded.camera == "front"
+    looks = [look for look in of(seen, Looked) if look.kind is LookKind.FULL]
+    assert ["front" in look.cameras for look in looks] == [True, False, False]
 
 
 def test_17_a_goal_that_holds_already_needs_no_action(prepared: Prepared) -> None:
