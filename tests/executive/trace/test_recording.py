@@ -42,7 +42,9 @@ class Recorded(NamedTuple):
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     recorder, runs = Recorder(), tmp_path_factory.mktemp("runs")
-    config = RunConfig("grocery", problem="breakfast", faults=("drop@4",), runs=runs, name="breakfast", tree=True)
+    config = RunConfig(
+        "grocery", problem="breakfast", estimator="oracle", faults=("drop@4",), runs=runs, name="breakfast", tree=True
+    )
     run(config, [recorder])
     return Recorded(runs / "breakfast", recorder.events)
 
