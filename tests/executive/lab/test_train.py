@@ -114,10 +114,12 @@ def test_descent_goes_on_where_it_stopped(tmp_path: Path) -> None:
 
         for stop in (*stops, 10**6):
             limit = done + stop
+
+            def enough(limit: int = limit) -> bool:
+                return done >= limit
+
             try:
-                descent.descend(
-                    "line", file, {"part": part}, Pace(60, 0.1, 5), one, 1, stopped=lambda limit=limit: done >= limit
-                )  # type: ignore[misc]
+                descent.descend("line", file, {"part": part}, Pace(60, 0.1, 5), one, 1, stopped=enough)
             except descent.CancelledError:
                 continue
         return part.weight.detach().clone()

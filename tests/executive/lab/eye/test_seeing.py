@@ -98,6 +98,17 @@ def test_spoiled_pictures_stay_pictures() -> None:
     assert 5 < sum(changed) < 20
 
 
+class Says(torch.nn.Module):
+    """A head that says the same of everything."""
+
+    def __init__(self, said: torch.Tensor) -> None:
+        super().__init__()
+        self._said = said
+
+    def forward(self, features: torch.Tensor) -> torch.Tensor:
+        return self._said
+
+
 def test_dense_labels_reward_what_is_shown() -> None:
     """Logits that say what the mask and the facts say cost next to nothing; the opposite costs much."""
     subject = Subject.of(load_domain(TRAY))
@@ -111,14 +122,10 @@ def test_dense_labels_reward_what_is_shown() -> None:
     right[0, 0, 0, 0] = right[0, items, 0, 0] = 20.0
     finer = torch.full((1, items, 4, 4), -20.0)
     finer[0, 0, :2, :2] = 20.0
-    for head in (dense.cells, dense.halves):
-        torch.nn.init.zeros_(head.weight)
-        torch.nn.init.zeros_(head.bias)
-    dense.cells.weight.data[:, :].zero_()
 
     def loss(sign: float) -> float:
-        dense.cells.forward = lambda _: sign * right  # type: ignore[method-assign]
-        dense.halves.forward = lambda _: sign * finer  # type: ignore[method-assign]
+        for name, said in (("cells", right), ("halves", finer)):
+            setattr(dense, name, Says(sign * said))
         return float(dense(torch.zeros(1, 16, 2, 2), torch.zeros(1, 16, 4, 4), masks, facts)[0])
 
     assert loss(1.0) < 1e-3
