@@ -171,8 +171,14 @@ class Course:
 
     def resumed(self, since: Resumed) -> Course:
         """Another process goes on, in a cycle of its own."""
-        counts = {"actions": since.actions, "replans": since.plans, "looks": since.looks}
-        return replace(self, since=since, cycle=since.cycle + 1, **counts)
+        return replace(
+            self,
+            since=since,
+            cycle=since.cycle + 1,
+            actions=since.actions,
+            replans=since.plans,
+            looks=since.looks,
+        )
 
     def next_cycle(self) -> Course:
         return replace(self, cycle=self.cycle + 1, report=None)
