@@ -1,6 +1,6 @@
 """The breakfast of the paper's Example 1 as a library: what README shows under "In Python".
 
-    python -m examples.library
+python -m examples.library
 """
 
 from executive.assemble import RunConfig, run
