@@ -14,6 +14,7 @@ import subprocess
 import sys
 import urllib.request
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -154,7 +155,9 @@ def test_make_run_is_the_first_command() -> None:
 def test_the_browser_gets_its_page(workplace: Path) -> None:
     assert any("inspect runs/<id> --web" in block.text for block in COMMANDS)
     command = [sys.executable, "-m", "executive", "inspect", "runs/example", "--web"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    # Whoever runs the tests in the background has them ignore SIGINT; this one is to hear it.
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=heard) as process:
         try:
             assert process.stdout is not None
             address = process.stdout.readline().split()[0]
