@@ -74,6 +74,8 @@ def _read(file: Path) -> dict[str, dict[str, Any]]:
         raise DomainError(f"cannot be read ({error})", file=file) from None
     except tomllib.TOMLDecodeError as error:
         raise DomainError(f"is not TOML: {error}", file=file) from None
+    except RecursionError:
+        raise DomainError("is not TOML that anyone would write: nested too deep", file=file) from None
     for name, table in tables.items():
         if name not in ("questions", "objects"):
             raise DomainError(f"unknown key; {nearest(name, ('questions', 'objects'))}", file=file, key=name)

@@ -99,6 +99,8 @@ def read(folder: Path) -> Published | None:
         _check(published, file)
     except tomllib.TOMLDecodeError as error:
         raise DomainError(f"is not TOML: {error}", file=file) from None
+    except RecursionError:
+        raise DomainError("is not TOML that anyone would write: nested too deep", file=file) from None
     except ValidationError as error:
         first = error.errors()[0]
         raise DomainError(first["msg"], file=file, key=".".join(map(str, first["loc"]))) from None

@@ -111,7 +111,7 @@ def check_safetensors(file: Path) -> Counter[str]:
             stored[str(tensor["dtype"])] += values
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError):
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError):
         raise InputError("is no safetensors file, or a damaged one: its header makes no sense", file=file) from None
     if size != end:
         what = "is cut off" if size < end else "is damaged"
@@ -131,7 +131,7 @@ def read_json(file: Path, wanted: str) -> Mapping[str, Any]:
         raise InputError(f"no such file; {wanted}", file=file) from None
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"is not JSON ({error})", file=file) from None
     if not isinstance(value, dict):
         raise InputError("is not a JSON object", file=file)

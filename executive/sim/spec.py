@@ -170,6 +170,8 @@ def read_scene(file: Path) -> SceneSpec:
         return SceneSpec.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
         raise DomainError(f"not valid TOML: {error}", file=file) from error
+    except RecursionError:
+        raise DomainError("is not TOML that anyone would write: nested too deep", file=file) from None
     except ValidationError as error:
         raise _explained(error, file) from error
 

@@ -1,0 +1,266 @@
+"""How each parser is given an input: written to where it looks, read, and what was read used as a run would.
+
+Each takes the input and a folder to write in, and raises nothing but `ExecutiveError`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import random
+import shutil
+import struct
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
+
+from executive.configuration import CONFIG, read_config
+from executive.domain import Domain, load_domain, load_subject
+from executive.errors import InputError
+from executive.faults import parse_fault, read_faults
+from executive.lab import published
+from executive.lab.campaign.reading import read_campaign
+from executive.lab.campaign.rows import FILE as ROWS
+from executive.lab.campaign.rows import read_rows
+from executive.lab.eye.wordings import Wordings
+from executive.lab.paraphrases import Paraphrases
+from executive.monitor import PlainMonitor
+from executive.past import Past
+from executive.pddl import read_task, read_vocabulary
+from executive.replay import Record, replay
+from executive.s3e.backend import YES_NO
+from executive.s3e.calibration import Calibration
+from executive.s3e.chat import ReplyError, _decoded, _models, _refusal, base_url  # what a server sends passes these
+from executive.s3e.checkpoint import CONFIG as MODEL_CONFIG
+from executive.s3e.checkpoint import INDEX, WEIGHTS, inspect
+from executive.s3e.questions import Templates
+from executive.s3e.server import masses, text
+from executive.s3e.translators import LanguageModel, Reply
+from executive.sim.spec import read_scene
+from executive.trace import monitors
+from executive.trace.events import EVENTS_FILE, read_events
+from executive.trace.explain import explain
+from executive.trace.report import summarise
+from executive.trace.story import Story
+from executive.trust import load, load_outcomes
+from executive.types import Atom, Facts
+
+ROOT = Path(__file__).resolve().parents[2]
+GROCERY = ROOT / "domains" / "grocery"
+EXAMPLE = ROOT / "runs" / "example"
+
+
+def written(folder: Path, name: str, data: bytes) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / name
+    file.write_bytes(data)
+    return file
+
+
+@cache
+def grocery() -> Domain:
+    return load_domain(GROCERY)
+
+
+SECOND_FILE = b";;;; and the problem:\n"
+
+
+def feed_pddl(data: bytes, scratch: Path) -> None:
+    """A domain and, after a line that says so, its problem."""
+    first, _, second = data.partition(SECOND_FILE)
+    _both(written(scratch, "domain.pddl", first), written(scratch, "problem.pddl", second))
+
+
+def _both(domain: Path, problem: Path) -> None:
+    try:
+        schema = read_task(domain, problem)
+    except InputError:
+        read_vocabulary(domain, problem)  # takes more, and no more than InputError from it either
+        return
+    for name, action in schema.actions.items():
+        for args in list(schema.typing.tuples([kind for _, kind in action.parameters]))[:3]:
+            try:
+                schema.ground(name, args)
+            except ValueError:  # this one contradicts itself
+                continue
+
+
+def feed_manifest(data: bytes, scratch: Path) -> None:
+    folder = scratch / "domain"
+    if not folder.exists():
+        shutil.copytree(GROCERY, folder)
+    written(folder, "domain.toml", data)
+    try:
+        load_domain(folder)
+    finally:
+        load_subject(folder)
+
+
+def feed_scene(data: bytes, scratch: Path) -> None:
+    file = written(scratch, "scene.toml", data)
+    scene = read_scene(file)
+    scene.restricted_to({scene.items[0].name: "item"}, file)
+
+
+def feed_questions(data: bytes, scratch: Path) -> None:
+    Templates.read(written(scratch, "questions.toml", data)).translate(grocery().task)
+
+
+def feed_wordings(data: bytes, scratch: Path) -> None:
+    templates = Templates.read(GROCERY / "questions.toml")
+    wordings = Wordings.of(grocery().task, templates, written(scratch, "wordings.toml", data))
+    dice = random.Random(0)
+    for atom in grocery().task.atoms:
+        wordings.draw(atom, dice)
+
+
+def feed_paraphrases(data: bytes, scratch: Path) -> None:
+    Paraphrases.read(written(scratch, "paraphrases.toml", data), grocery().task)
+
+
+def feed_outcomes(data: bytes, scratch: Path) -> None:
+    load_outcomes(written(scratch, "outcomes.toml", data), grocery().parsed.actions)
+
+
+def feed_published(data: bytes, scratch: Path) -> None:
+    found = published.read(written(scratch, published.FILE, data).parent)
+    published.tables(found, {"ours": dict.fromkeys(published.HEADS, 0.5)})
+
+
+def feed_fault(data: bytes, scratch: Path) -> None:
+    said = data.decode(errors="replace")
+    fault = parse_fault(said)
+    if parse_fault(str(fault)) != fault:
+        raise AssertionError(f"{said!r} is read as {fault}, which is read as something else")
+    with contextlib.suppress(InputError):
+        parse_fault(said, ["lemon", "milk"], ["wood-table"], ["front"])
+
+
+def feed_faults(data: bytes, scratch: Path) -> None:
+    read_faults(written(scratch, "faults.toml", data))
+
+
+def feed_campaign(data: bytes, scratch: Path) -> None:
+    read_campaign(written(scratch, "campaign.toml", data))
+
+
+def feed_run_config(data: bytes, scratch: Path) -> None:
+    written(scratch / "run", CONFIG, data)
+    read_config(scratch / "run")
+
+
+def feed_events(data: bytes, scratch: Path) -> None:
+    """Everything that reads a record: reading alone, the story, the summary, the words, resuming, replaying."""
+    folder = scratch / "run"
+    if not folder.exists():
+        shutil.copytree(EXAMPLE / "images", folder / "images")
+    written(folder, EVENTS_FILE, data)
+    events = list(read_events(folder))
+    story = Story()
+    for event in events:
+        story.tell(event)
+    Past.of(folder)
+    if story.started is None:
+        return
+    summarise(events)
+    explain(events)
+    for record in Record.all(events):
+        replay(record, PlainMonitor(record.started.task.atoms))
+
+
+def feed_monitor(data: bytes, scratch: Path) -> None:
+    written(scratch / "run", monitors.FILE, data)
+    monitors.load(scratch / "run", grocery().task.atoms)
+
+
+def feed_trust(data: bytes, scratch: Path) -> None:
+    load(written(scratch, "trust.json", data), "grocery")
+
+
+def feed_calibration(data: bytes, scratch: Path) -> None:
+    calibration = Calibration.load(written(scratch, "calibration.json", data))
+    for probability in (0.0, 0.3, 1.0):
+        calibrated = calibration(grocery().task.atoms[0], probability)
+        if not 0.0 <= calibrated <= 1.0:
+            raise AssertionError(f"{calibrated} is no probability")
+
+
+def feed_reply(data: bytes, scratch: Path) -> None:
+    """What a chat server sends, as an answer, as text, as its list of models and as a refusal."""
+    _refusal(500, "1e309", data)
+    try:
+        reply = _decoded(data)
+    except ReplyError:
+        raise InputError("refused") from None
+    taken = 0
+    for read in (lambda: masses(reply, YES_NO), lambda: text(reply), lambda: _models(reply)):
+        try:
+            read()
+            taken += 1
+        except ReplyError:
+            continue
+    if not taken:
+        raise InputError("refused")
+
+
+def feed_address(data: bytes, scratch: Path) -> None:
+    base_url(data.decode(errors="replace"))
+
+
+def feed_wording(data: bytes, scratch: Path) -> None:
+    """What a language model writes when it is asked for a question: it is taken, or the domain's own words are."""
+    said = data.decode(errors="replace")
+
+    class Model:
+        name = "scribe"
+
+        def write(self, system: str, prompts: Iterable[str], attempt: int) -> list[Reply]:
+            return [Reply(said) for _ in prompts]
+
+    task = grocery().task
+    asked = LanguageModel(Model(), "", Templates.read(GROCERY / "questions.toml")).translate(task)
+    if asked.text.keys() != set(task.atoms):
+        raise AssertionError("an atom is not asked about")
+
+
+def feed_checkpoint(name: str) -> Callable[[bytes, Path], None]:
+    """A checkpoint's folder that is whole, but for one file."""
+
+    def read(data: bytes, scratch: Path) -> None:
+        folder = scratch / "model"
+        if not folder.exists():
+            for part, content in checkpoint().items():
+                written(folder, part, content)
+        if name == INDEX:
+            (folder / WEIGHTS).unlink(missing_ok=True)
+            written(folder, "model-1.safetensors", checkpoint()[WEIGHTS])
+        written(folder, name, data)
+        inspect(folder, "model")
+
+    return read
+
+
+def checkpoint() -> dict[str, bytes]:
+    """The smallest whole checkpoint."""
+    header = json.dumps({"w": {"dtype": "F32", "shape": [2], "data_offsets": [0, 8]}}).encode()
+    return {
+        MODEL_CONFIG: json.dumps({"model_type": "fast_vlm", "text_config": {"vocab_size": 8}}).encode(),
+        WEIGHTS: struct.pack("<Q", len(header)) + header + bytes(8),
+        "tokenizer.json": b'{"version": "1.0"}',
+        "processor_config.json": b"{}",
+    }
+
+
+def feed_rows(data: bytes, scratch: Path) -> None:
+    written(scratch, ROWS, data)
+    read_rows(scratch, lambda _: None)
+
+
+def feed_atoms(data: bytes, scratch: Path) -> None:
+    for line in data.decode(errors="replace").splitlines():
+        try:
+            facts = Facts.parse(line)
+        except ValueError:
+            continue
+        if Facts.parse(*facts.literals()) != facts or any(Atom.parse(str(atom)) != atom for atom in facts):
+            raise AssertionError(f"{line!r} is not read back")
