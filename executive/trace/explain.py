@@ -203,9 +203,9 @@ class _Teller:
             return [f"Of {about}, all is seen to hold."] if compared.what != "preconditions" or self._whole else []
         lines = [f"Of {about}, not all is seen to hold:"]
         for atom in sorted(verdict.violated):
-            lines.append(
-                f"  {atom} should be {truth(expected[atom])} and is {truth(not expected[atom])}{self._p(atom)}"
-            )
+            wanted = expected.get(atom)  # a record of somebody else's may say less
+            told = "is not as expected" if wanted is None else f"should be {truth(wanted)} and is {truth(not wanted)}"
+            lines.append(f"  {atom} {told}{self._p(atom)}")
         if verdict.unknown:
             lines.append(f"  {listed(sorted(verdict.unknown))} cannot be told")
         return lines

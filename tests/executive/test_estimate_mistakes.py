@@ -17,6 +17,7 @@ from tests.executive.estimating import ANSWER, LEMON, Estimate, estimating, say,
 from tests.executive.s3e.chat_server import ChatServerUnderTest, completion, serving
 from tests.executive.s3e.checkpoints import build
 from tests.executive.s3e.videos import greys, write_video
+from tests.executive.sim.stage import ROOT
 from tests.executive.test_cli import one_error_line
 from tests.executive.test_imports import HEAVY, loaded_by
 
@@ -91,7 +92,8 @@ def test_pddl_without_objects_is_one_line(
 
 
 def test_no_model_is_one_line_that_says_what_to_pass(pictures: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.exit_code(["estimate", "grocery", "--image", str(pictures[0])]) == 2
+    """The tray has no eye of its own."""
+    assert cli.exit_code(["estimate", str(ROOT / "tests" / "domains" / "tray"), "--image", str(pictures[0])]) == 2
     said = one_error_line(capsys)
     assert "--vlm" in said
     assert "--server" in said

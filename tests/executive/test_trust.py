@@ -276,7 +276,7 @@ def test_a_monitors_configuration_refuses_nonsense(values: dict[str, object]) ->
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--alpha", "0.1"], "--alpha: is for an eye that errs"),
+        (["--estimator", "oracle", "--alpha", "0.1"], "--alpha: is for an eye that errs"),
         (["--alpha", "2"], "--alpha: an error rate between 0 and 1, not 2"),
         (["--threshold", "-1"], "--threshold: a probability from 0 to 1, not -1"),
         (["--threshold", "0.5", "--alpha", "0.1"], "--alpha: is one way to say how sure is sure enough"),
