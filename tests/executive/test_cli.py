@@ -439,7 +439,7 @@ def test_it_works_from_any_folder(tmp_path: Path) -> None:
 
 
 def test_a_reader_that_has_seen_enough_ends_no_run(tmp_path: Path) -> None:
-    line = ("run", "grocery", "--problem", "one-item", "--no-trace-viewer", "--name", "r")
+    line = ("run", "grocery", "--problem", "one-item", "--estimator", "oracle", "--no-trace-viewer", "--name", "r")
     command = shlex.join([sys.executable, "-m", "executive", *line])
     script = f"{command} | head -n 1; echo ${{PIPESTATUS[0]}}"
     run = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False, timeout=120, cwd=tmp_path)
