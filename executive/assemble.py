@@ -25,11 +25,13 @@ from executive.faults import (
     faulty_world,
     parse_fault,
 )
+from executive.limits import punctual_estimator, punctual_planner, punctual_skills
 from executive.loop import Executive
 from executive.monitoring import open_monitor
 from executive.past import Past
 from executive.planning import FastDownwardPlanner
 from executive.protocols import Estimator, Recalling, Sink, Skill
+from executive.session import INTERRUPTED
 from executive.trace import monitors
 from executive.trace.events import EventLog
 from executive.trace.limits import thresholds
@@ -80,7 +82,7 @@ class Run:
         folder: Path | None = None,
     ) -> None:
         self.config = config
-        log = None if folder is None else EventLog(folder)  # from here on it is ours
+        log = None if folder is None else EventLog(folder, self._unrecorded)  # from here on it is ours
         self._past = None if folder is None else Past.of(folder)
         self.domain = load_domain(config.domain, config.problem)
         if self._past is not None:
@@ -116,9 +118,13 @@ class Run:
             sink.close()
         self.world.close()
 
-    def cancel(self) -> None:
+    def cancel(self, why: str = INTERRUPTED) -> None:
         """Have the arm stop and the run end as interrupted; safe to call from a signal handler."""
-        self.executive.cancel()
+        self.executive.cancel(why)
+
+    def _unrecorded(self, why: str) -> None:
+        """Nothing happens that cannot be recorded: the run ends, and can be resumed once there is room again."""
+        self.executive.cancel(why)
 
     def execute(self) -> Summary:
         """Carry the task out, score it by the simulator's truth, and write `summary.json`."""
@@ -140,7 +146,11 @@ class Run:
         log: EventLog | None,
     ) -> Executive:
         config = self.config
-        recorders: list[Sink] = [Snapshots(self.folder, self.world), log or EventLog(self.folder), self._collector]
+        recorders: list[Sink] = [
+            Snapshots(self.folder, self.world, self._unrecorded),
+            log or EventLog(self.folder, self._unrecorded),
+            self._collector,
+        ]
         if config.viewer:
             from executive.trace.viewer import RerunSink
 
@@ -153,10 +163,10 @@ class Run:
         faults = FaultInjector(injected, self.world, config.seed)
         return Executive(
             self.domain.task,
-            faulty_planner(planner, faults),
+            punctual_planner(faulty_planner(planner, faults), config.patience),
             faulty_world(self.world, faults),
-            faulty_skills(load_skills(self.domain), faults),
-            None if estimator is None else faulty_estimator(estimator, faults),
+            punctual_skills(faulty_skills(load_skills(self.domain), faults), config.patience),
+            None if estimator is None else punctual_estimator(faulty_estimator(estimator, faults), config.patience),
             sinks=self._sinks,
             settings=config.settings(),
             faults=faults,

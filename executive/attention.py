@@ -6,7 +6,7 @@ product of the objects. What a step changes, needs and leads to does not, so tha
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -18,11 +18,15 @@ DOUBTFUL = 0.02
 """An atom whose probability is further than this from 0 and from 1 is worth a question of its own."""
 
 PLAIN = "its picture is all of one colour"
-FROZEN = "its picture is the same, bit for bit, as before the last action"
+FROZEN = "its picture is the one before, bit for bit"
 """Why a picture tells nothing."""
 
 _FLAT = 8
 """Grey levels (of 255) between the darkest and the brightest value of a picture that shows nothing."""
+
+_BLOCK, _ALIKE = 8, 1.5
+"""Two pictures show the same if no square of so many pixels a side differs by more than so many grey levels on
+average: noise averages out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +61,6 @@ class Attention:
         predicate, positions = self.carried[step.action]
         return Atom(predicate, tuple(step.args[position] for position in positions))
 
-    def witnesses(self, step: Step, cameras: Iterable[str]) -> frozenset[str]:
-        """The cameras whose picture changes when the step is done: those that show an object of it closely, and those
-        that show nothing in particular."""
-        special = {camera for names in self.closer.values() for camera in names}
-        close = {camera for name in step.args for camera in self.closer.get(name, ())}
-        return frozenset(camera for camera in cameras if camera in close or camera not in special)
-
 
 def questions(
     atoms: Sequence[Atom], matters: Iterable[Iterable[Atom]], probability: Mapping[Atom, float], most: int
@@ -82,31 +79,36 @@ def questions(
     return tuple(wanted)[:most]
 
 
-def useless(
-    images: Mapping[str, Image],
-    before: Mapping[str, Image],
-    changed: Collection[str],
-    moved: bool,
-    frozen: Collection[str] = (),
-) -> dict[str, str]:
+def useless(images: Mapping[str, Image], before: Mapping[str, Image]) -> dict[str, str]:
     """The cameras whose pictures tell nothing, each with the reason.
 
     Args:
         images: what the cameras show now.
-        before: what they showed before the last action; {} where there was none.
-        changed: the cameras that ought to show something else since.
-        moved: whether the arm is elsewhere since.
-        frozen: the cameras that were frozen before the last action.
+        before: what each showed last; {} where two pictures of one thing may well be the same, bit for bit, as no
+            sensor's noise is in them.
     """
-    plain = {camera for camera, image in images.items() if _is_plain(image)}
-    still = {camera for camera in images if camera in before and np.array_equal(images[camera], before[camera])}
-    # That nothing has changed for all of them may be so; that it did for the others and not for this one may not.
-    suspects = set(changed) if moved or (images.keys() & before.keys()) - still - plain else set()
+    frozen = {name for name in images.keys() & before.keys() if np.array_equal(images[name], before[name])}
     return {
-        camera: PLAIN if camera in plain else FROZEN
-        for camera in images
-        if camera in plain or camera in still & (suspects | set(frozen))
+        name: PLAIN if _is_plain(image) else FROZEN
+        for name, image in images.items()
+        if name in frozen or _is_plain(image)
     }
+
+
+def alike(some: Mapping[str, Image], others: Mapping[str, Image]) -> bool:
+    """Whether pictures of the same cameras show the same, but for a sensor's noise."""
+    return some.keys() == others.keys() and all(_alike(image, others[name]) for name, image in some.items())
+
+
+def _alike(image: Image, other: Image) -> bool:
+    if image.shape != other.shape:
+        return False
+    apart = image.astype(np.float32) - other
+    for axis in (0, 1):
+        starts, length = np.arange(0, apart.shape[axis], _BLOCK), apart.shape[axis]
+        sizes = np.diff(starts, append=length)
+        apart = np.add.reduceat(apart, starts, axis) / (sizes[:, None, None] if axis == 0 else sizes[:, None])
+    return float(np.abs(apart).max(initial=0.0)) <= _ALIKE
 
 
 def _is_plain(image: Image) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 import time
 import tomllib
@@ -28,8 +29,9 @@ class RunConfig:
     """All that decides how a run goes; `config.toml` in the run's folder holds the same.
 
     `domain` is a folder or a shipped domain's name. `faults` are in the grammar of `executive.faults`. `grasp_noise`
-    is a standard deviation in m. `max_*` are limits of `executive.policy.Settings`, and without `guard` nobody looks
-    after what is carried. `runs` is where the run's own folder is made, `name` what it is called. `tree` has
+    is a standard deviation in m. `max_*` are limits of `executive.policy.Settings`, `patience` are the seconds on the
+    wall's clock after which a look, a plan or an action is ended, and without `guard` nobody looks after what is
+    carried. `runs` is where the run's own folder is made, `name` what it is called. `tree` has
     the trees that motions are searched for with in the trace. `eye` says how the estimator "vlm" sees, `monitor` what
     is made of what is seen.
     """
@@ -43,6 +45,10 @@ class RunConfig:
     grasp_noise: float = 0.0
     max_replans: int | None = None
     max_actions: int | None = None
+    max_cycles: int | None = None
+    max_looks: int | None = None
+    max_seconds: float | None = None
+    patience: float = 900.0
     max_looks_again: int | None = None
     max_questions: int | None = None
     guard: bool = True
@@ -64,13 +70,25 @@ class RunConfig:
             )
         if not 0.0 <= self.grasp_noise <= 1.0:
             raise InputError(f"a standard deviation in m, from 0 to 1, not {self.grasp_noise}", key="--grasp-noise")
+        if not 0.0 < self.patience < math.inf:
+            raise InputError(f"seconds above zero, not {self.patience}", key="--patience")
+        if self.max_seconds is not None and not 0.0 <= self.max_seconds < math.inf:
+            raise InputError(f"seconds from zero on, not {self.max_seconds}", key="--max-seconds")
         if self.max_questions is not None and self.max_questions < 1:
             raise InputError(f"at least one question a look, not {self.max_questions}", key="--max-questions")
         if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):
             raise InputError(f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'", key="--name")
 
     def settings(self) -> Settings:
-        names = ("max_replans", "max_actions", "max_looks_again", "max_questions")
+        names = (
+            "max_replans",
+            "max_actions",
+            "max_cycles",
+            "max_looks",
+            "max_seconds",
+            "max_looks_again",
+            "max_questions",
+        )
         limits = {name: value for name in names if (value := getattr(self, name)) is not None}
         return Settings(seed=self.seed, **limits, **({} if self.guard else {"guard_looks": 0}))
 

@@ -138,6 +138,10 @@ class Course:
         atoms = sorted(certain, key=lambda atom: atom in self.seen)[: settings.max_questions]
         return Doubts(tuple(atoms), self.unsure(atoms, settings.sure))
 
+    def spent(self, seconds: float) -> dict[str, float]:
+        """What was used so far of the budget of a run that took `seconds`, but for replans."""
+        return {"cycles": self.cycle, "actions": self.actions, "looks": self.looks, "seconds": seconds}
+
     def unsure_of_goal(self, sure: float) -> tuple[Atom, ...]:
         """What the goal hangs on and is not sure; where some of it was given up, that may be anything."""
         return self.unsure(self.task.atoms if self.given_up else self.goal, sure)

@@ -9,9 +9,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from executive.attention import FROZEN, Attention, useless
+from executive.attention import Attention, alike, useless
 from executive.course import Course
 from executive.guard import Guard
 from executive.monitor.seam import Judgement, Monitor
@@ -32,9 +30,6 @@ from executive.types import (
     Step,
     Timing,
 )
-
-_STILL = 0.05
-"""rad; an arm whose joints are this near to where they were has not moved."""
 
 
 class Looker:
@@ -62,12 +57,8 @@ class Looker:
     ) -> None:
         self._estimator, self._world, self._monitor, self._attention = estimator, world, monitor, attention
         self._moves, self._session, self._settings = dict(moves), session, settings
-        self._before: Mapping[str, Image] = {}
-        self._latest: Mapping[str, Image] = {}
-        self._joints = self._joints_before = np.empty(0)
-        self._changed: frozenset[str] = frozenset()
+        self._latest: dict[str, Image] = {}
         self._useless: dict[str, str] = {}
-        self._frozen: frozenset[str] = frozenset()
         self._answered: list[tuple[Mapping[str, Image], frozenset[Atom]]] = []
 
     # Each takes how the run stands and returns how it stands with one more look, or with what makes the next one new.
@@ -82,20 +73,20 @@ class Looker:
 
     def again(self, course: Course, cause: str, atoms: Sequence[Atom], surprised: bool = False) -> Course:
         """Look once more at the same moment, at what is in doubt alone: through the cameras that show it best, then
-        each time with the arm further out of the way, as far as it gets. What took it by surprise may have come to
-        anything: then all that there is has to have been asked about first."""
+        each time with the arm further out of the way, as far as it gets. Where no camera shows it better than the
+        others, the arm moves at once. What took it by surprise may have come to anything: then all that there is has to
+        have been asked about first."""
         if surprised and not course.asked_all:
             return self.look_at_all(course, cause)
-        if course.moment.looks > 1 and self._clear(atoms, course.moment.looks - 2):
-            return self._look(course, cause, {(): atoms}, LookKind.MOVED)
         groups = self._attention.groups(atoms)
+        moved = course.moment.looks - any(groups)
+        if moved > 0 and self._clear(atoms, moved - 1):
+            return self._look(course, cause, {(): atoms}, LookKind.MOVED)
         return self._look(course, cause, groups, LookKind.CLOSER if any(groups) else LookKind.FOCUSED)
 
     def acted(self, course: Course, result: SkillResult) -> Course:
         """A skill was at work since: what is seen from here on is another moment."""
-        self._before, self._joints_before, self._answered = self._latest, self._joints, []
-        self._frozen = frozenset(camera for camera, reason in self._useless.items() if reason == FROZEN)
-        self._changed = self._attention.witnesses(result.step, self._before) if result.done else frozenset()
+        self._answered = []
         return course.acted(result, self._monitor.acted(course.memory, result.step, result))
 
     def waited(self, course: Course) -> Course:
@@ -115,7 +106,7 @@ class Looker:
         began = time.monotonic()
         observation = self._world.observe(f"is {atom} so?", self._attention.guard or None)
         self._session.emit(observation)
-        images = {camera: image for camera, image in observation.images.items() if camera not in self._useless}
+        images = self._trusted(observation)
         belief = self._ask(observation, images, [atom])
         self._tell(observation, belief, LookKind.GUARD, images, 1)
         self._session.emit(Timing("guard", time.monotonic() - began))
@@ -161,15 +152,13 @@ class Looker:
 
     def _trusted(self, observation: Observation) -> dict[str, Image]:
         """The pictures that tell something; the others are reported."""
-        images, joints = observation.images, observation.joints
-        comparable = joints.size > 0 and joints.shape == self._joints_before.shape
-        moved = comparable and float(np.abs(joints - self._joints_before).max()) > _STILL
-        bad = useless(images, self._before, self._changed, moved, self._frozen)
+        images = observation.images
+        bad = useless(images, self._latest if observation.noisy else {})
         for camera, reason in bad.items():
             if self._useless.get(camera) != reason:
                 self._session.emit(Blinded(camera, reason, observation.id))
         self._useless = {camera: reason for camera, reason in self._useless.items() if camera not in images} | bad
-        self._latest, self._joints = {**self._latest, **images}, joints
+        self._latest |= images
         return {camera: image for camera, image in images.items() if camera not in bad}
 
     def _new(self, images: Mapping[str, Image], atoms: Sequence[Atom]) -> list[Atom]:
@@ -177,7 +166,7 @@ class Looker:
         estimator: object = self._estimator  # whether a model answers is for the running program to find out
         if not isinstance(estimator, Asking):
             return list(atoms)
-        answered = {atom for shown, told in self._answered if _same(shown, images) for atom in told}
+        answered = {atom for shown, told in self._answered if alike(shown, images) for atom in told}
         return [atom for atom in atoms if atom not in answered]
 
     def _ask(self, observation: Observation, images: Mapping[str, Image], atoms: Sequence[Atom]) -> Belief:
@@ -205,10 +194,6 @@ def _judged(judgement: Judgement) -> Judged:
         judgement.remembered,
         judgement.came_about,
     )
-
-
-def _same(some: Mapping[str, Image], others: Mapping[str, Image]) -> bool:
-    return some.keys() == others.keys() and all(np.array_equal(image, others[name]) for name, image in some.items())
 
 
 def _joined(parts: Sequence[Belief]) -> Belief:

@@ -143,7 +143,7 @@ class Executive:
 
     def _turn(self) -> Decision:
         """3 and 4. One step: can it begin, what came of it, and what now?"""
-        if stop := policy.exhausted(self.settings, cycles=self.course.cycle, actions=self.course.actions):
+        if stop := policy.exhausted(self.settings, **self.course.spent(self._session.seconds)):
             return self._decide(stop)
         self.course = self.course.next_cycle()
         step = self.course.left[0]

@@ -42,6 +42,9 @@ class Settings:
     max_cycles: int = 200
     max_actions: int = 100
     max_replans: int = 50
+    max_looks: int = 500
+    max_seconds: float = 86_400.0
+    """On the clock on the wall, all processes of the run together."""
     max_retries: int = 2
     max_failures: int = 10
     """How often one step may fail from the same known facts before that counts as going in circles; where trying
@@ -256,12 +259,12 @@ def finish_blind(goal: Facts) -> Decision:
     return _stop(OutcomeKind.GOAL_REACHED, "the plan is carried out; nobody looked whether the goal holds", tuple(goal))
 
 
-def exhausted(settings: Settings, *, cycles: int = 0, actions: int = 0, replans: int = 0) -> Decision | None:
-    """Whether taking one more of these would exceed the budget."""
-    budget = (("cycles", cycles, settings.max_cycles), ("actions", actions, settings.max_actions))
-    for what, used, limit in (*budget, ("replans", replans, settings.max_replans)):
-        if used >= limit:
-            return _stop(OutcomeKind.GAVE_UP, f"the budget of {limit} {what} is used up")
+def exhausted(settings: Settings, **used: float) -> Decision | None:
+    """Whether taking one more of these (`cycles`, `actions`, `looks`, `replans`, `seconds`) would exceed the budget."""
+    for what, count in used.items():
+        limit = getattr(settings, f"max_{what}")
+        if count >= limit:
+            return _stop(OutcomeKind.GAVE_UP, f"the budget of {limit:g} {what} is used up")
     return None
 
 

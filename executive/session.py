@@ -13,6 +13,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from executive.alarm import undisturbed
 from executive.errors import ExecutiveError
 from executive.guard import Guard
 from executive.protocols import Asking, Estimator, FaultSource, Sink, Skill, SkillContext, World
@@ -34,6 +35,8 @@ from executive.types import (
     Timing,
 )
 
+INTERRUPTED = "interrupted"
+
 log = logging.getLogger(__name__)
 
 
@@ -50,12 +53,17 @@ class Session:
         self._sinks, self._listening, self._world = tuple(sinks), list(sinks), world
         self._seed, self._faults, self._cycle = seed, faults, cycle
         self._start, self._time, self._delivering = time.monotonic(), 0.0, 0.0
-        self._cancelled, self._stage = False, "start"
+        self._cancelled, self._stage = "", "start"
         self._action = self._moves = 0
 
-    def cancel(self) -> None:
+    @property
+    def seconds(self) -> float:
+        """How long the run has been going on, on the wall's clock."""
+        return time.monotonic() - self._start
+
+    def cancel(self, why: str = INTERRUPTED) -> None:
         """Have the skill at work stop, and `heed` end the run. A flag: safe from any thread and signal handler."""
-        self._cancelled = True
+        self._cancelled = self._cancelled or why
 
     def heed(self) -> None:
         """The place to stop at when cancelled.
@@ -106,7 +114,7 @@ class Session:
         try:
             return live(), None
         except KeyboardInterrupt:
-            return _stop(OutcomeKind.INTERRUPTED, "interrupted"), None
+            return _stop(OutcomeKind.INTERRUPTED, self._cancelled or INTERRUPTED), None
         except ExecutiveError as error:
             return _stop(OutcomeKind.CRASHED, f"{self._stage}: {error}"), error
         except Exception as error:
@@ -177,7 +185,7 @@ class Session:
         self, key: tuple[int, ...], announce: Callable[[Phase | Motion], None], lost: Callable[[], str]
     ) -> SkillContext:
         chance = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
-        return SkillContext(self._world.handle, chance, announce, lambda: self._cancelled, lost)
+        return SkillContext(self._world.handle, chance, announce, lambda: bool(self._cancelled), lost)
 
     def close(self, last: Ended, error: BaseException | None = None) -> Ended:
         """Deliver the last event, stamped with the time of the one before it, close all sinks, and raise `error`."""
@@ -192,9 +200,10 @@ class Session:
     def _deliver(self, payload: Payload) -> None:
         start = time.monotonic()
         event = Event(self._cycle(), self._time, start - self._start, payload)
-        for sink in tuple(self._listening):
-            if not self._guarded(sink, sink.write, event):
-                self._listening.remove(sink)
+        with undisturbed():
+            for sink in tuple(self._listening):
+                if not self._guarded(sink, sink.write, event):
+                    self._listening.remove(sink)
         self._delivering += time.monotonic() - start
 
     def _guarded(self, part: object, call: Callable[..., None], *arguments: object) -> bool:

@@ -221,7 +221,8 @@ class Observation:
     """What the robot's sensors say at one moment.
 
     `images` maps a camera's name to an (H, W, 3) uint8 RGB picture; `joints` are the arm's joint positions in rad;
-    `time` is the world's clock in seconds; `cause` is why the look was taken (for the trace alone).
+    `time` is the world's clock in seconds; `cause` is why the look was taken (for the trace alone). `noisy`: the
+    pictures have a sensor's noise in them, so that two that are the same, bit for bit, are one picture shown twice.
     """
 
     id: int
@@ -229,6 +230,7 @@ class Observation:
     images: Mapping[str, Image]
     joints: FloatArray
     cause: str = ""
+    noisy: bool = False
 
     def __post_init__(self) -> None:
         for camera, image in self.images.items():

@@ -146,6 +146,7 @@ class FakeWorld:
         self.missing = False  # the next grasp closes beside its thing
         self.past: dict[int, dict[str, str]] = {}  # what each observation could have shown
         self.cameras: dict[str, Callable[[FakeWorld], Image]] = {}
+        self.noisy = False  # whether these draw noise, as sensors do
         self._scheduled: list[tuple[float, Callable[[], None]]] = []
         self._listener: Callable[[Frame], None] | None = None
 
@@ -165,7 +166,7 @@ class FakeWorld:
         number = len(self.past)
         self.past[number] = dict(self.where)
         images = {name: draw(self) for name, draw in self.cameras.items() if cameras is None or name in cameras}
-        return Observation(number, self.now, images, np.zeros(1), cause)
+        return Observation(number, self.now, images, np.zeros(1), cause, self.noisy)
 
     def snapshot(self) -> bytes:
         return json.dumps([self.where, self.now, self.missing]).encode()

@@ -48,10 +48,10 @@ def exit_code(arguments: Sequence[str]) -> int:
         return int(code or 0)
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:
-        read_no_more()
-        return NOT_REACHED
     except Exception as error:
+        if isinstance(error, OSError) and is_unread(error):
+            read_no_more()
+            return NOT_REACHED
         if settings.debug:
             raise
         code, message = _told(error, arguments)
@@ -59,9 +59,19 @@ def exit_code(arguments: Sequence[str]) -> int:
         return code
 
 
+def is_unread(error: OSError) -> bool:
+    """Whether it says that nobody reads what is printed any more: a pipe is closed, or the terminal is."""
+    return isinstance(error, BrokenPipeError) or (error.errno == errno.EIO and error.filename is None)
+
+
 def read_no_more() -> None:
-    """Whoever read our output has seen enough; Python's own flush at exit shall not complain."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """Whoever read our output has seen enough, or is gone; Python's own flush at exit shall not complain."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(nowhere, stream.fileno())
 
 
 def _told(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
@@ -85,17 +95,22 @@ def one_line(text: str) -> str:
 
 @contextmanager
 def ctrl_c(cancel: Callable[[], None]) -> Iterator[None]:
-    """Ctrl-C once cancels, which leaves the arm at rest and the trace whole; a second one leaves at once."""
+    """Ctrl-C once cancels, which leaves the arm at rest and the trace whole; a second one leaves at once. So does being
+    asked to end, and the end of the terminal, unless that is not to matter (nohup)."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for each in before:
+            signal.signal(each, signal.default_int_handler)
         cancel()
 
-    before = signal.signal(signal.SIGINT, interrupt)
+    orders = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    heeded = [each for each in orders if signal.getsignal(each) is not signal.SIG_IGN]
+    before = {each: signal.signal(each, interrupt) for each in heeded}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for each, handler in before.items():
+            signal.signal(each, handler)
 
 
 def _print_version(wanted: bool) -> None:

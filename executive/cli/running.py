@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from executive import completion
-from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, read_no_more
+from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, is_unread, read_no_more
 from executive.cli.options import (
     CalibrationFile,
     DomainName,
@@ -71,6 +71,14 @@ def run(
     grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.0,
     max_replans: Annotated[int | None, typer.Option(min=0, help="Give up after so many.")] = None,
     max_actions: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
+    max_cycles: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
+    max_looks: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
+    max_seconds: Annotated[
+        float | None, typer.Option(min=0.0, help="Give up after so many, on the wall's clock.")
+    ] = None,
+    patience: Annotated[
+        float, typer.Option(help="End a look, a plan or an action that takes more seconds on the wall's clock.")
+    ] = 900.0,
     max_looks_again: Annotated[int | None, typer.Option(min=0, help="Looks at what is in doubt, at a time.")] = None,
     max_questions: Annotated[int | None, typer.Option(min=1, help="Atoms that a look may ask about.")] = None,
     guard: Annotated[bool, typer.Option("--guard/--no-guard", help="Look after what is carried.")] = True,
@@ -109,6 +117,10 @@ def run(
         grasp_noise=grasp_noise,
         max_replans=max_replans,
         max_actions=max_actions,
+        max_cycles=max_cycles,
+        max_looks=max_looks,
+        max_seconds=max_seconds,
+        patience=patience,
         max_looks_again=max_looks_again,
         max_questions=max_questions,
         guard=guard,
@@ -158,17 +170,20 @@ def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
     with prepared, ctrl_c(prepared.cancel):
         summary = prepared.execute()
     struck = {each["spec"] for each in summary["faults"]}
-    for spec in prepared.config.faults:
-        if "@" in spec and str(parse_fault(spec)) not in struck and not quiet:
-            print(f"warning: the fault {spec} never struck in {summary['actions']} actions", file=sys.stderr)
-    if summary["outcome"] == OutcomeKind.INTERRUPTED and not quiet:
-        print(f"go on with: executive resume {shlex.quote(str(prepared.folder))}", file=sys.stderr)
     try:
+        for spec in prepared.config.faults:
+            if "@" in spec and str(parse_fault(spec)) not in struck and not quiet:
+                print(f"warning: the fault {spec} never struck in {summary['actions']} actions", file=sys.stderr)
+        if summary["outcome"] == OutcomeKind.INTERRUPTED and not quiet:
+            print(f"go on with: executive resume {shlex.quote(str(prepared.folder))}", file=sys.stderr)
         if not quiet:
             print_summary(summary, prepared.folder, stream)
         if as_json:
             print(json.dumps(summary, indent=2), flush=True)
-    except BrokenPipeError:  # how the run ended does not hang on who reads it
+        sys.stdout.flush()
+    except OSError as error:  # how the run ended does not hang on who reads it
+        if not is_unread(error):
+            raise
         read_no_more()
     if summary["outcome"] == OutcomeKind.INTERRUPTED:
         return INTERRUPTED

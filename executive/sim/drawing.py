@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import weakref
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -12,6 +13,13 @@ from executive.errors import MissingError
 from executive.sim import scene
 from executive.sim.spec import CameraSpec
 from executive.types import Image
+
+
+def sensed(picture: Image, seed: Sequence[int]) -> Image:
+    """The picture as a camera's sensor has it: what is drawn is the same as long as nothing moves, and no sensor ever
+    gives two pictures that are. The lowest bit of every value is noise."""
+    noise = np.frombuffer(np.random.default_rng(seed).bytes(picture.size), np.uint8)
+    return picture ^ (noise.reshape(picture.shape) & np.uint8(1))
 
 
 class Drawing:

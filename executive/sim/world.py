@@ -15,7 +15,7 @@ import numpy as np
 
 from executive.errors import DomainError, InputError
 from executive.sim import mischief, placement, scene, scenery
-from executive.sim.drawing import Drawing
+from executive.sim.drawing import Drawing, sensed
 from executive.sim.handle import ArmLimits, Handle
 from executive.sim.spec import SceneSpec, read_scene
 from executive.types import FloatArray, Frame, Image, Observation, Scenery
@@ -77,7 +77,7 @@ class MujocoWorld:
         self._placement_rng, self._noise_rng = (
             np.random.default_rng(child) for child in np.random.SeedSequence([seed, 0x5EED]).spawn(2)
         )
-        self._grasp_noise = grasp_noise
+        self._seed, self._grasp_noise = seed, grasp_noise
         self._misplaced: FloatArray | None = None
         self._forced_open_until = -1.0
         self._scheduled: list[tuple[float, int, Callable[[], None]]] = []
@@ -118,11 +118,12 @@ class MujocoWorld:
 
     def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
         names = [camera.name for camera in self.spec.cameras if cameras is None or camera.name in cameras]
-        images = {name: self.render(name) for name in names}
-        return Observation(next(self._observations), self.time, images, self.joints(), cause)
+        number = next(self._observations)
+        images = {name: sensed(self.render(name), [self._seed, number, at]) for at, name in enumerate(names)}
+        return Observation(number, self.time, images, self.joints(), cause, noisy=True)
 
     def render(self, camera: str) -> Image:
-        """One camera's picture, (H, W, 3) uint8."""
+        """One camera's picture without noise, (H, W, 3) uint8."""
         mujoco.mj_forward(self.model, self.data)
         return self.drawing.picture(self.data, next(spec for spec in self.spec.cameras if spec.name == camera))
 

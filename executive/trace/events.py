@@ -11,10 +11,12 @@ What only pleases the eye (`Scenery`, `Frame`) is not recorded here, and of a mo
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import fcntl
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,8 @@ FORMAT = 1
 EVENTS_FILE = "events.jsonl"
 IMAGES_FOLDER = "images"
 MOTION_POINTS = 64
+_ROOM, _LAST_EVENTS = ".room", 1 << 18
+"""The file that keeps room, and its bytes."""
 _DECISIVE = (Started, Resumed, Decision, Ended)
 _STAMPS = {"cycle": int, "time": float, "wall": float}
 
@@ -39,14 +43,18 @@ class EventLog:
     """A sink that writes a run's events into its folder, which it makes when it is missing.
 
     Opened on a folder that has a record already, it goes on at its end, after cutting off a half-written last line. A
-    record has one writer at a time.
+    record has one writer at a time. Room is kept for the last events of a run whose disk is full: they are recorded
+    without their pictures.
+
+    Args:
+        failed: is told, once, why events can no longer be recorded as they should be.
 
     Raises:
         InputError: the folder cannot be written to, or another process writes this record.
     """
 
-    def __init__(self, run: Path | str) -> None:
-        self._run = Path(run)
+    def __init__(self, run: Path | str, failed: Callable[[str], None] | None = None) -> None:
+        self._run, self._failed, self._complained = Path(run), failed, False
         path = self._run / EVENTS_FILE
         try:
             (self._run / IMAGES_FOLDER).mkdir(parents=True, exist_ok=True)
@@ -61,6 +69,11 @@ class EventLog:
         self._size = _whole(self._file)
         os.ftruncate(self._file, self._size)
         self._closed = False
+        try:
+            self._keep_room()
+        except OSError as error:
+            self.close()
+            raise InputError(f"cannot be written ({error.strerror})", file=path) from None
 
     def write(self, event: Event) -> None:
         """Append one event; a picture is on disk before the line that names it.
@@ -68,13 +81,31 @@ class EventLog:
         Raises:
             OSError: the disk is full or gone; what was recorded before stays readable.
         """
-        payload = event.payload
-        if type(payload).__name__ not in RECORDED:
+        if type(event.payload).__name__ not in RECORDED:
             return
+        try:
+            self._record(event)
+        except OSError as error:
+            if not self._complained and self._failed is not None:
+                self._failed(f"the record cannot be written: {error.strerror or error}")
+            self._complained = True
+            (self._run / _ROOM).unlink(missing_ok=True)
+            self._record(event)
+
+    def close(self) -> None:
+        if not self._closed:
+            self._closed = True
+            with contextlib.suppress(OSError):
+                (self._run / _ROOM).unlink(missing_ok=True)
+            os.close(self._file)
+
+    def _record(self, event: Event) -> None:
+        payload = event.payload
         if isinstance(payload, Motion):
             data = encode(_thinned(payload))
         elif isinstance(payload, Observation):
-            names = {camera: self._save(payload.id, camera, image) for camera, image in payload.images.items()}
+            shown = {} if self._complained else payload.images
+            names = {camera: self._save(payload.id, camera, image) for camera, image in shown.items()}
             data = encode(replace(payload, images={})) | {"images": names}
         else:
             data = encode(payload)
@@ -84,17 +115,23 @@ class EventLog:
         if isinstance(payload, _DECISIVE):
             os.fdatasync(self._file)
 
-    def close(self) -> None:
-        if not self._closed:
-            self._closed = True
-            os.close(self._file)
+    def _keep_room(self) -> None:
+        """Take up what the last events need, to have it when nothing else is left."""
+        file = os.open(self._run / _ROOM, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            os.posix_fallocate(file, 0, _LAST_EVENTS)
+        finally:
+            os.close(file)
 
     def _append(self, line: str) -> None:
         data = line.encode()
         try:
             written = os.write(self._file, data)
-            if written != len(data):
-                raise OSError(f"only {written} of {len(data)} bytes of an event could be written")
+            while written < len(data):  # there is no room for more, and only the next try says why
+                more = os.write(self._file, data[written:])
+                if not more:
+                    raise OSError(errno.ENOSPC, f"only {written} of {len(data)} bytes of an event could be written")
+                written += more
         except OSError:
             os.ftruncate(self._file, self._size)  # half a line would make the next one unreadable, too
             raise

@@ -7,7 +7,7 @@ ended, the arm that was moved, a fault that struck. So no record ever tells of s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from executive.errors import InputError
@@ -24,12 +24,15 @@ class Snapshots:
     """A sink that keeps the world's latest state of each cycle in the run's folder. It comes before the sink that
     records.
 
+    Args:
+        failed: is told why a snapshot cannot be kept.
+
     Raises:
         InputError: the folder cannot be written to.
     """
 
-    def __init__(self, run: Path | str, world: World) -> None:
-        self._folder, self._world = Path(run) / FOLDER, world
+    def __init__(self, run: Path | str, world: World, failed: Callable[[str], None] | None = None) -> None:
+        self._folder, self._world, self._failed = Path(run) / FOLDER, world, failed
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -42,8 +45,14 @@ class Snapshots:
             OSError: the disk is full or gone.
         """
         if isinstance(event.payload, _CHANGES):
-            # A kill takes nothing from what the system was given; a power cut may cost the latest, not those before.
-            write_whole(self._folder / f"{event.cycle:04d}{SUFFIX}", self._world.snapshot(), lasting=False)
+            file = self._folder / f"{event.cycle:04d}{SUFFIX}"
+            try:
+                # A kill takes nothing from what the system was given; a power cut may cost the latest one.
+                write_whole(file, self._world.snapshot(), lasting=False)
+            except OSError as error:
+                if self._failed is not None:
+                    self._failed(f"the world's state cannot be written: {error.strerror or error}")
+                raise
 
     def close(self) -> None:
         """Nothing is open."""

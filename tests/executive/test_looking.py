@@ -34,19 +34,21 @@ from executive.types import (
     SkillStatus,
     Step,
 )
-from tests.fakes import FakeWorld, ScriptedEstimator, Stage, at
+from tests.fakes import FREE, FakeWorld, ScriptedEstimator, Stage, at
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
 CLOSER = Attention(closer={"q": ("left",), "p": ("right",), "held": ("hand",)})
 
 
 def seen_by(*places: str) -> Callable[[FakeWorld], Image]:
-    """A camera's picture: another one whenever something else is in one of the places (of all, if none is named)."""
+    """A camera's picture, with noise: another one whenever something else is in one of the places (in any, if none is
+    named)."""
 
     def draw(world: FakeWorld) -> Image:
         shown = sorted((thing, place) for thing, place in world.where.items() if not places or place in places)
         digest = hashlib.sha256(repr(shown).encode()).digest()
-        return np.frombuffer(digest[:27] + b"\x00\xff" + digest[:7], dtype=np.uint8).reshape(3, 4, 3)
+        picture = np.frombuffer(digest[:27] + b"\x00\xff" + digest[:7], dtype=np.uint8).reshape(3, 4, 3)
+        return picture ^ np.random.default_rng(len(world.past)).integers(0, 2, picture.shape, dtype=np.uint8)
 
     return draw
 
@@ -73,6 +75,7 @@ class Wordy(Watching):
 
 def stage(eye: type[Watching] = Watching, **changes: object) -> Stage:
     made = Stage(GOAL, {"a": "p", "b": "p"}, attention=CLOSER, **changes)  # type: ignore[arg-type]
+    made.world.noisy = True
     made.world.cameras = {
         "front": seen_by(), "left": seen_by("q"), "right": seen_by("p"), "hand": seen_by("hand")
     }  # fmt: skip
@@ -228,7 +231,7 @@ def test_a_closer_look_does_not_go_by_a_camera_that_tells_nothing() -> None:
     assert asked(made)[3] == (("front", "right", "hand"), (at("a", "q"),))
 
 
-def test_a_camera_that_freezes_is_noticed_by_what_the_others_show() -> None:
+def test_a_camera_that_shows_the_same_picture_twice_has_frozen() -> None:
     made = stage()
 
     def freeze(world: FakeWorld) -> None:
@@ -242,10 +245,24 @@ def test_a_camera_that_freezes_is_noticed_by_what_the_others_show() -> None:
     assert ["front" in cameras for cameras, _ in asked(made)] == [True, True, False, False, False]
 
 
-def test_an_action_that_did_nothing_freezes_no_camera() -> None:
+@pytest.mark.parametrize("noisy", [True, False])
+def test_an_action_that_did_nothing_freezes_no_camera(noisy: bool) -> None:
+    """Pictures that are drawn may be the same, bit for bit, as often as there is nothing new to see."""
     made = stage(script={2: "lie"})
+    made.world.noisy = noisy
+    if not noisy:
+        made.world.cameras = dict.fromkeys(ALL, lambda world: np.arange(36, dtype=np.uint8).reshape(3, 4, 3))
     assert made.play().outcome is OutcomeKind.GOAL_REACHED
     assert made.recorder.of(Blinded) == []
+
+
+def test_where_no_camera_shows_it_better_the_arm_moves_at_once() -> None:
+    made = stage(looks={3: {FREE: None}, 4: {FREE: None}})
+    made.moves = {name: out_of_the_way(1.0) for name in ("home", "aside")}
+    assert made.play().outcome is OutcomeKind.GOAL_REACHED
+    again = looks(made)[3:5]
+    assert [(look.kind, look.questions) for look in again] == [(LookKind.MOVED, 1)] * 2
+    assert [moved.move for moved in made.recorder.of(Moved)][:2] == ["home", "aside"]
 
 
 def test_with_no_camera_left_everything_is_unknown_and_the_run_ends_by_name() -> None:
