@@ -90,7 +90,11 @@ class RunConfig:
             "max_questions",
         )
         limits = {name: value for name in names if (value := getattr(self, name)) is not None}
-        return Settings(seed=self.seed, **limits, **({} if self.guard else {"guard_looks": 0}))
+        if not self.guard:
+            limits["guard_looks"] = 0
+        if self.monitor.threshold is not None:  # who takes the eye at its word does so at the end, too
+            limits["claim"] = 0.0
+        return Settings(seed=self.seed, **limits)
 
 
 def make_folder(config: RunConfig, domain: Domain) -> Path:

@@ -146,6 +146,11 @@ class Course:
         """What the goal hangs on and is not sure; where some of it was given up, that may be anything."""
         return self.unsure(self.task.atoms if self.given_up else self.goal, sure)
 
+    def claimable(self, claim: float) -> Facts:
+        """What is seen, without those literals of the goal that hold with a probability of less than `claim`."""
+        doubtful = self.unsure(self.goal, claim)
+        return self.seen.without([atom for atom in doubtful if self.seen.get(atom) is self.goal[atom]])
+
     def dropped(self, plan: Plan | None) -> Dropped:
         """What was given up; `plan` is for the whole goal, if there is one."""
         return Dropped(self.given_up, self.given_up_why, plan)

@@ -201,7 +201,7 @@ class Executive:
         self.course = self.course if self.course.asked_all else self._looker.look_at_all(self.course, cause)
         while True:
             self.course = course = self.course.whole_goal_seen()
-            verdict = self._compare("goal", course.goal, course.seen)
+            verdict = self._compare("goal", course.goal, course.claimable(self.settings.claim))
             plan = self._probe(course.task.goal) if verdict.satisfied and course.given_up else None
             unsure, dropped = course.unsure_of_goal(self.settings.sure), course.dropped(plan)
             decision = self._decide(policy.finish(course.goal, verdict, unsure, checks, dropped, self.settings))

@@ -59,12 +59,15 @@ class Settings:
     sure: float = 0.999
     """A literal of the goal that is less probable than this is looked at once more before the goal is claimed, and as
     long as anything is less sure than this no goal is given up for want of a plan, while looks are left."""
+    claim: float = 0.9
+    """A literal of the goal that is less probable than this, after all looks that there are, is not claimed to hold."""
     max_goal_plans: int = 64
     """How often the planner may be asked to find out which part of the goal can be reached."""
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.sure <= 1.0:
-            raise ValueError(f"sure must be a probability, got {self.sure}")
+        for name in ("sure", "claim"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must be a probability, got {getattr(self, name)}")
         for name in self.__dataclass_fields__:
             least = 1 if name == "max_questions" else 0
             if getattr(self, name) < least:

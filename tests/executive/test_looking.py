@@ -302,3 +302,13 @@ def test_a_surprise_in_a_look_at_some_atoms_has_the_rest_looked_at_before_it_is_
     assert (ended.outcome, ended.replans, made.goal_true) == (OutcomeKind.GOAL_REACHED, 1, True)
     kinds = [look.kind for look in looks(made)]
     assert kinds[:4] == [LookKind.FULL, LookKind.FOCUSED, LookKind.FOCUSED, LookKind.FULL]
+
+
+def test_what_is_never_sure_enough_is_not_claimed() -> None:
+    """Every answer is for the goal, and none by enough to bet on it."""
+    leaning = stage(always={at("a", "q"): 0.8})
+    ended = leaning.play()
+    assert (ended.outcome, ended.goal_seen) == (OutcomeKind.PARTIAL, False)
+    assert "cannot tell at(a,q)" in ended.reason
+    bold = stage(always={at("a", "q"): 0.8}, settings=Settings(claim=0.5)).play()
+    assert (bold.outcome, bold.goal_seen) == (OutcomeKind.GOAL_REACHED, True)
