@@ -63,7 +63,8 @@ def preset(name: str, key: str = "--monitor") -> MonitorConfig:
 
 
 def open_monitor(config: MonitorConfig, domain: Domain, eye: EyeConfig | None) -> Monitor:
-    """The monitor of a run in which `eye` looks, or None for one that is always right. Finds the task's mutex groups.
+    """The monitor of a run in which `eye` looks; None is one that is always right, unless the file of trust says
+    otherwise. Finds the task's mutex groups.
 
     Raises:
         InputError: the file of trust is none, or has too few looks for the error rate.
@@ -81,12 +82,12 @@ def open_monitor(config: MonitorConfig, domain: Domain, eye: EyeConfig | None) -
 
 def _eye(config: MonitorConfig, domain: Domain, eye: EyeConfig | None) -> tuple[Eye, Mapping[str, Thresholds]]:
     """What the eye's answers are worth, and the thresholds that were asked for."""
-    if eye is None:
-        for option, value in (("--alpha", config.alpha), ("--trust", config.trust)):
-            if value is not None:
-                raise InputError("is for an eye that errs; it goes with --estimator vlm", key=option)
+    if eye is None and config.trust is None:
+        if config.alpha is not None:
+            message = "is for an eye that errs; it goes with --estimator vlm, or with --trust where a fault has it err"
+            raise InputError(message, key="--alpha")
         return EXACT, {}
-    file = config.trust or (trust.beside(eye.vlm) if eye.server is None else None)
+    file = config.trust or (trust.beside(eye.vlm) if eye is not None and eye.server is None else None)
     if file is None:
         if config.alpha is not None:
             message = (

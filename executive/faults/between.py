@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from executive.faults.grammar import Fault
 from executive.faults.injector import FaultInjector
+from executive.faults.spoiled import spoiled
 from executive.protocols import Asking, Estimator, Planner, Skill, SkillContext, World
 from executive.types import (
     Atom,
@@ -35,9 +37,6 @@ from executive.types import (
 
 DELAY = 2.0
 """Wall seconds by which a slow estimator is slower, where a fault does not say."""
-
-_BLUR = 0.02
-"""Standard deviation of the blur, as a share of a picture's width: a lemon is a yellow cloud."""
 
 _SHIFT = (0.08, 0.15)
 """How far a camera that was knocked has its pictures off, as shares of their width."""
@@ -86,7 +85,7 @@ class _World:
         for place, fault in self._faults.felt("camera"):
             hit = [camera for camera in images if fault.camera in (None, camera)]
             for camera in hit:
-                images[camera] = self._changed(place, fault.way, camera, images[camera])
+                images[camera] = self._changed(place, fault, camera, images[camera])
             if hit:
                 self._faults.bite(place, f"{', '.join(hit)}: {fault.way}")
         self._last.update(images)
@@ -110,19 +109,17 @@ class _World:
     def watch(self, listener: Callable[[Frame], None] | None) -> None:
         self._world.watch(listener)
 
-    def _changed(self, place: int, way: str, camera: str, image: Image) -> Image:
-        match way:
+    def _changed(self, place: int, fault: Fault, camera: str, image: Image) -> Image:
+        match fault.way:
             case "black":
                 return np.zeros_like(image)
             case "frozen":
                 return self._last.get(camera, image)
-            case "blurred":
-                from scipy.ndimage import gaussian_filter
-
-                sigma = max(1.0, _BLUR * image.shape[1])
-                return np.asarray(gaussian_filter(image, (sigma, sigma, 0.0)), dtype=np.uint8)
-            case _:
+            case "shifted":
                 return _shifted(image, self._faults.chance(place))
+            case way:
+                chance = self._faults.drawn(place, zlib.crc32(camera.encode()))
+                return spoiled(image, way, fault.amount, chance)
 
 
 def _shifted(image: Image, chance: np.random.Generator) -> Image:

@@ -24,6 +24,7 @@ from typing import NoReturn
 
 from executive.errors import InputError, nearest
 from executive.faults.kinds import KINDS, Kind
+from executive.faults.spoiled import SPOILED, most
 
 EXAMPLES = "drop@4, drop:p=0.3,item=lemon, shove:item=lemon@3 or camera:front=black@5-8"
 LARGEST = 1_000_000
@@ -34,7 +35,7 @@ EVER = 10**9
 
 _WHEN = re.compile(r"([0-9]{1,9})(?:(-)([0-9]{1,9})?)?")
 _CHANCE = re.compile(r"(?:[0-9]{1,3}(?:\.[0-9]{0,25})?|\.[0-9]{1,25})(?:[eE]-?[0-9]{1,3})?")
-_SECONDS = re.compile(r"[0-9]{1,4}(?:\.[0-9]{1,6})?")
+_NUMBER = re.compile(r"[0-9]{1,4}(?:\.[0-9]{1,6})?")
 _TIMES = re.compile(r"[0-9]{1,6}")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")
 
@@ -61,6 +62,7 @@ class Fault:
     share: float | None = None
     seconds: float | None = None
     times: int | None = None
+    amount: float | None = None
 
     def __post_init__(self) -> None:
         if (self.action is None) is (self.chance is None):
@@ -83,6 +85,7 @@ class Fault:
             "table": self.table,
             "share": None if self.share is None else repr(self.share),
             "seconds": None if self.seconds is None else f"{self.seconds:.6f}".rstrip("0").rstrip("."),
+            "amount": None if self.amount is None else f"{self.amount:.6f}".rstrip("0").rstrip("."),
             "times": self.times,
         }
         words = [self.way] if self.way != KINDS[self.kind].way and self.camera is None else []
@@ -195,8 +198,9 @@ class _Reader:
         for key, value, way in (("share", share, "wrong"), ("seconds", seconds, "slow")):
             if value is not None and self._way != way:
                 self._refuse(f"{key} goes with the way {way!r}")
-        if seconds is not None and not (_SECONDS.fullmatch(seconds) and float(seconds) <= 3600.0):
+        if seconds is not None and not (_NUMBER.fullmatch(seconds) and float(seconds) <= 3600.0):
             self._refuse(f"seconds are a number up to 3600, not {seconds!r}")
+        amount = self._amount(given.get("amount"))
         if times is not None and not (_TIMES.fullmatch(times) and int(times) > 0):
             self._refuse(f"times is a whole number from 1, not {times!r}")
         return Fault(
@@ -212,6 +216,7 @@ class _Reader:
             self._probability("share", share),
             None if seconds is None else float(seconds),
             None if times is None else int(times),
+            amount,
         )
 
     def _when(self) -> tuple[int | None, int | None]:
@@ -266,6 +271,15 @@ class _Reader:
         if self._way:
             self._refuse(f"both {self._way!r} and {way!r}")
         self._way = way
+
+    def _amount(self, text: str | None) -> float | None:
+        if text is None:
+            return None
+        if self._way not in SPOILED:
+            self._refuse(f"amount goes with {', '.join(SPOILED)}")
+        if not (_NUMBER.fullmatch(text) and float(text) <= most(self._way)):
+            self._refuse(f"amount is a number up to {most(self._way):g} ({SPOILED[self._way]}), not {text!r}")
+        return float(text)
 
     def _probability(self, key: str, text: str | None) -> float | None:
         if text is None:

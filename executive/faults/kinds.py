@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from executive.faults.spoiled import SPOILED
+
 NONE: Mapping[str, str] = MappingProxyType({})
 
 
@@ -91,9 +93,11 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
                     "frozen": "its pictures stay what the last one was",
                     "blurred": "its pictures are out of focus",
                     "shifted": "it was knocked: its pictures are shifted by 8 to 15 % of their width",
+                    "noisy": "its pictures are noisy, each in its own way",
+                    "dark": "its pictures are dark",
                 }
             ),
-            keys=_TIMES,
+            keys={"amount": "; ".join(f"{way}: {meaning}" for way, meaning in SPOILED.items()), **_TIMES},
             lasting=True,
         ),
         "estimator": Kind(

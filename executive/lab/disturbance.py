@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
@@ -11,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from executive.errors import InputError, nearest
+from executive.faults.spoiled import SPOILED, most, spoiled
 from executive.lab.dataset import JPEG_QUALITY, Point
 from executive.trace.pictures import from_jpeg, to_jpeg
 from executive.types import Image
@@ -19,10 +22,12 @@ if TYPE_CHECKING:
     from executive.domain import Domain
     from executive.sim.studio import Studio
 
+_NUMBER = re.compile(r"[0-9]{1,4}(?:\.[0-9]{1,6})?")
+
 METRES, RADIANS = 0.03, math.radians(3.0)
 """How far a camera is moved and turned at most."""
 
-KINDS = ("lights", "cameras", "jpeg=40")
+KINDS = ("lights", "cameras", "jpeg=40", "blurred=3", "noisy=40", "dark=0.7")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,15 +36,17 @@ class Disturbance:
 
     `lights`: seeded random ones (`executive.sim.studio.Lights.drawn`). `cameras`: each is moved by up to `METRES` and
     turned by up to `RADIANS`. `jpeg`: the quality, from 1 to 95, with which pictures are compressed once more.
+    `spoiled`: after that, how and how much (see `executive.faults.spoiled`).
     """
 
     lights: bool = False
     cameras: bool = False
     jpeg: int | None = None
+    spoiled: tuple[tuple[str, float], ...] = ()
 
     @classmethod
     def parse(cls, specs: Sequence[str]) -> Disturbance:
-        """Read what the command line says: `lights`, `cameras`, `jpeg=40`.
+        """Read what the command line says: `lights`, `cameras`, `jpeg=40`, `blurred=3`, `noisy=40`, `dark=0.7`.
 
         Raises:
             InputError: something is none of these, or comes twice.
@@ -47,7 +54,7 @@ class Disturbance:
         told: dict[str, str] = {}
         for spec in specs:
             kind, equals, value = spec.partition("=")
-            if kind not in ("lights", "cameras", "jpeg") or bool(equals) != (kind == "jpeg"):
+            if kind not in ("lights", "cameras", "jpeg", *SPOILED) or bool(equals) is (kind in ("lights", "cameras")):
                 raise InputError(f"no disturbance {spec!r}; {nearest(spec, KINDS)}", key="--disturb")
             if kind in told:
                 raise InputError(f"{kind} comes twice", key="--disturb")
@@ -55,7 +62,8 @@ class Disturbance:
         jpeg = told.get("jpeg")
         if jpeg is not None and not (jpeg.isascii() and jpeg.isdigit() and 1 <= int(jpeg) <= 95):
             raise InputError(f"{jpeg!r} is not a quality from 1 to 95", key="--disturb jpeg")
-        return cls("lights" in told, "cameras" in told, None if jpeg is None else int(jpeg))
+        worse = tuple((way, _amount(way, told[way])) for way in SPOILED if way in told)
+        return cls("lights" in told, "cameras" in told, None if jpeg is None else int(jpeg), worse)
 
     @property
     def redraws(self) -> bool:
@@ -104,19 +112,31 @@ class Disturber:
         images = point.images if self._studio is None else self._drawn(self._studio, point)
         # Pictures that are drawn anew are kept as those of a collection are, so that this makes no difference.
         quality = self._what.jpeg if self._what.jpeg is not None else JPEG_QUALITY if self._studio is not None else None
-        if quality is None:
-            return images
-        return {camera: from_jpeg(to_jpeg(image, quality)) for camera, image in images.items()}
+        if quality is not None:
+            images = {camera: from_jpeg(to_jpeg(image, quality)) for camera, image in images.items()}
+        for kind, (way, amount) in enumerate(self._what.spoiled, start=2):
+            images = {
+                camera: spoiled(image, way, amount, self._chance(point, kind, zlib.crc32(camera.encode())))
+                for camera, image in images.items()
+            }
+        return images
 
     def _drawn(self, studio: Studio, point: Point) -> Mapping[str, Image]:
         from executive.sim.studio import Lights, Shift
 
-        key = (point.seed, point.episode, point.step)
-        light, move = (
-            np.random.default_rng(np.random.SeedSequence([self._seed, *key], spawn_key=(kind,))) for kind in range(2)
-        )
+        light, move = (self._chance(point, kind) for kind in range(2))
         lights = Lights.drawn(light) if self._what.lights else None
         shifts = {}
         if self._what.cameras:  # drawn for all of them, so that a camera's does not depend on which others are shown
             shifts = {camera.name: Shift.drawn(move, METRES, RADIANS) for camera in studio.spec.cameras}
         return studio.pictures(point.qpos, lights, shifts, self._cameras)
+
+    def _chance(self, point: Point, *kind: int) -> np.random.Generator:
+        key = (self._seed, point.seed, point.episode, point.step)
+        return np.random.default_rng(np.random.SeedSequence(key, spawn_key=kind))
+
+
+def _amount(way: str, text: str) -> float:
+    if not (_NUMBER.fullmatch(text) and float(text) <= most(way)):
+        raise InputError(f"{text!r} is no number up to {most(way):g} ({SPOILED[way]})", key=f"--disturb {way}")
+    return float(text)

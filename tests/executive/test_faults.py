@@ -27,6 +27,7 @@ from executive.faults import (
     parse_fault,
     read_faults,
 )
+from executive.faults.spoiled import SPOILED
 from executive.loop import Executive
 from executive.protocols import Asking, Estimator
 from executive.types import (
@@ -68,6 +69,7 @@ def faults(draw: st.DrawFn) -> Fault:
             "share": st.floats(0.0, 1.0),
             "seconds": st.integers(0, 3_600_000).map(lambda thousandths: thousandths / 1000),
             "times": st.integers(1, 10**5),
+            "amount": st.integers(0, 1000).map(lambda thousandths: thousandths / 1000),
         }.items()
         if key in kind.keys
     }
@@ -86,6 +88,7 @@ def faults(draw: st.DrawFn) -> Fault:
         given.get("share") if way == "wrong" else None,
         given.get("seconds") if way == "slow" else None,
         given.get("times"),
+        given.get("amount") if way in SPOILED else None,
     )
 
 
@@ -167,7 +170,9 @@ def test_the_catalogues_examples_are_faults(name: str) -> None:
         ("camera:black@0-3-4", "counted from 1 (0: before the first one)"),
         ("drop:grasp,release@4", "both 'grasp' and 'release'"),
         ("drop:grasp=1@4", "no argument 'grasp'"),
-        ("camera@4", "say how: black, frozen, blurred, shifted"),
+        ("camera@4", "say how: black, frozen, blurred, shifted, noisy, dark"),
+        ("camera:dark,amount=1.5@4", "a number up to 1 (share of the light"),
+        ("camera:black,amount=1@4", "amount goes with blurred, noisy, dark"),
         ("camera:front=blak@4", "a camera is no 'blak', did you mean 'black'?"),
         ("camera:frnt=black@4", "no camera 'frnt', did you mean 'front'?"),
         ("camera:front=black,wood=black@4", "both 'black' and 'black'"),
@@ -370,7 +375,7 @@ def injected(stage: Stage) -> list[tuple[str, int]]:
     return [(fault.spec, fault.action) for fault in stage.recorder.of(FaultInjected)]
 
 
-@pytest.mark.parametrize("way", ["black", "frozen", "blurred", "shifted"])
+@pytest.mark.parametrize("way", KINDS["camera"].ways)
 def test_a_camera_fails_in_its_span_and_no_longer(way: str) -> None:
     world = FakeWorld({"a": "p"}, ["p"])
     world.cameras = {"front": seen, "side": seen}
@@ -396,6 +401,8 @@ def test_a_camera_fails_in_its_span_and_no_longer(way: str) -> None:
         case "frozen":
             assert np.array_equal(shown, before)
             assert np.array_equal(later, before)
+        case "dark":
+            assert float(shown.mean()) < 0.5 * float(real.mean())
         case "blurred":
             assert float(shown.std()) < 0.5 * float(real.std())
         case "shifted":

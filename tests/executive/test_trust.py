@@ -248,7 +248,7 @@ def test_a_monitor_is_put_together_from_a_few_words(model: EyeConfig) -> None:
     ("config", "looking", "words"),
     [
         ({"alpha": 0.1}, "oracle", "--alpha: is for an eye that errs"),
-        ({"trust": Path("t.json")}, "oracle", "--trust: is for an eye that errs"),
+        ({"trust": Path("none.json")}, "oracle", "none.json: cannot be read"),
         ({"alpha": 0.1}, "elsewhere", "--alpha: it is not known how often this eye errs: there is no trust.json"),
         ({"alpha": 0.001}, "model", "--alpha: an error rate of 0.001 takes at least 999 calibration looks"),
         ({"trust": Path("none.json")}, "model", "none.json: cannot be read"),

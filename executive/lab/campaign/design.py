@@ -46,6 +46,8 @@ class Contender:
     """Tells whether the eye's model is what it was."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Other options of `RunConfig` that it has for itself."""
+    faults: tuple[str, ...] = ()
+    """What is broken for it alone, and is no strike: an eye that errs, say, or bad pictures."""
 
     def __str__(self) -> str:
         return f"{self.estimator}, {self.monitor}" if self.monitor else self.estimator
@@ -96,7 +98,7 @@ class Campaign:
                             place.which,
                             seed,
                             who.kind,
-                            specs,
+                            (*specs, *who.faults),
                             eye=who.eye,
                             monitor=who.judge,
                             viewer=False,
@@ -118,6 +120,7 @@ class Campaign:
                 "model": who.model,
                 "monitor": None if who.kind == "none" else _named(encode(who.judge)),
                 "options": dict(who.options),
+                **({"faults": list(who.faults)} if who.faults else {}),
             }
             for who in self.contenders
         }

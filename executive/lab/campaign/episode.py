@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from executive.assemble import Run, RunConfig
 from executive.errors import ExecutiveError
+from executive.faults import parse_fault
 from executive.lab.campaign.design import KEYS, Episode
 from executive.lab.campaign.scoring import Scorer, Strike, Tally
 from executive.trace.report import Summary
@@ -29,9 +30,9 @@ class Row:
     """What an episode came to, as its line in the record.
 
     The first six say which episode it is. `outcome` is the run's or `FAILED`, and then `error` says why. `strikes` and
-    the four counts are those of `executive.lab.campaign.scoring`. `lost` are the items that no atom is true of at the
-    end, so that nobody can reach them. `sim_seconds` is the world's time; of all, only `wall_seconds` is another one
-    each time. `command` carries the same run out again.
+    the counts from `quiet` to `needless` are those of `executive.lab.campaign.scoring`. `lost` are the items that no
+    atom is true of at the end, so that nobody can reach them. `sim_seconds` is the world's time; of all, only
+    `wall_seconds` is another one each time. `command` carries the same run out again.
     """
 
     domain: str
@@ -54,6 +55,7 @@ class Row:
     alarms: int = 0
     failed: int = 0
     missed: int = 0
+    needless: int | None = None
     lost: tuple[str, ...] = ()
     sim_seconds: float = 0.0
     wall_seconds: float = 0.0
@@ -82,7 +84,8 @@ class Simulated:
     def __call__(self, episode: Episode) -> Row:
         with tempfile.TemporaryDirectory(dir=self._work, prefix="episode-") as runs:
             config = replace(episode.config, runs=Path(runs))
-            scorer = Scorer(lambda: run.truth.of(run.domain.task.atoms), config.estimator != "none")
+            own = [str(parse_fault(spec)) for spec in episode.contender.faults]
+            scorer = Scorer(lambda: run.truth.of(run.domain.task.atoms), config.estimator != "none", own)
             with Run(config, [scorer], self._open(episode)) as run:
                 summary = run.execute()
                 truth, items = run.truth.of(run.domain.task.atoms), run.world.items
@@ -119,6 +122,7 @@ def row(episode: Episode, summary: Summary, tally: Tally, lost: Sequence[str]) -
         alarms=tally.alarms,
         failed=tally.failed,
         missed=tally.missed,
+        needless=tally.needless,
         lost=tuple(lost),
         sim_seconds=summary["sim_seconds"],
         wall_seconds=summary["wall_seconds"]["total"],

@@ -95,6 +95,13 @@ METRICS = (
         share=False,
     ),
     Metric(
+        "needless",
+        "needless",
+        "Decisions to plan anew, an episode, when what was left of the plan led to the goal from what was true.",
+        lambda row: None if row.needless is None else _played(row, row.needless),
+        share=False,
+    ),
+    Metric(
         "delay",
         "detection delay",
         "From a fault's striking to the first true sign of trouble (a skill that reports it, what is carried seen to "

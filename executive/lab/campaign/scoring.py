@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
+from executive.compare import remaining
 from executive.types import (
     Blinded,
     Compared,
     Decision,
     DecisionKind,
+    Dispatched,
     Event,
     Facts,
     FaultInjected,
     Guarded,
     NoPlan,
+    Plan,
     SkillResult,
+    Started,
+    Step,
 )
 
 UNSEEN = ("estimator",)
@@ -38,13 +43,15 @@ class Strike:
 class Tally:
     """What was counted in one run. Of the actions whose outcome was looked at: after how many all was in truth as
     expected (`quiet`), and after how many of these it was taken to be otherwise (`alarms`); after how many it was not
-    (`failed`), and after how many of these nothing of that was noticed in the same cycle (`missed`)."""
+    (`failed`), and after how many of these nothing of that was noticed in the same cycle (`missed`). `needless` counts
+    the decisions to plan anew when what was left of the plan led to the goal from what was true."""
 
     strikes: list[Strike] = field(default_factory=list)
     quiet: int = 0
     alarms: int = 0
     failed: int = 0
     missed: int = 0
+    needless: int = 0
 
 
 class Scorer:
@@ -57,16 +64,25 @@ class Scorer:
     Args:
         truth: every atom's truth, now. It is asked for right after looks, while the world stands still.
         looks: whether the run looks at all; a blind one notices nothing, whatever its skills report.
+        own: faults, as they print, that belong to whoever is scored and not to what it meets: they are no strikes.
     """
 
-    def __init__(self, truth: Callable[[], Facts], looks: bool) -> None:
-        self._truth, self._looks = truth, looks
+    def __init__(self, truth: Callable[[], Facts], looks: bool, own: Collection[str] = ()) -> None:
+        self._truth, self._looks, self._own = truth, looks, frozenset(own)
         self._last: tuple[Compared, Facts] | None = None
+        self._goal, self._left = Facts(), tuple[Step, ...]()
+        self._plan: tuple[Step, ...] | None = None
         self.tally = Tally()
 
     def write(self, event: Event) -> None:
         match event.payload:
-            case FaultInjected() as fault:
+            case Started(task=task):
+                self._goal = task.goal
+            case Plan(steps=steps):
+                self._plan = self._left = steps
+            case Dispatched(index=index) if self._plan is not None:
+                self._left = self._plan[index + 1 :]
+            case FaultInjected() as fault if fault.spec not in self._own:
                 self.tally.strikes.append(Strike(fault.kind, fault.spec, fault.action, round(event.time, 6)))
             case SkillResult() as result if not result.done:
                 self._notice(event.time)
@@ -78,9 +94,12 @@ class Scorer:
                     self._notice(event.time)
                 if compared.what == "effects":
                     self._last = compared, truth
-            case Decision(kind=kind) if kind is not DecisionKind.LOOK_AGAIN and self._last is not None:
-                self._count(*self._last)
-                self._last = None
+            case Decision(kind=kind) if kind is not DecisionKind.LOOK_AGAIN:
+                if self._last is not None:
+                    self._count(*self._last)
+                    self._last = None
+                if kind is DecisionKind.REPLAN and self._plan is not None:
+                    self.tally.needless += remaining(self._left, self._truth(), self._goal) is not None
 
     def close(self) -> None:
         pass

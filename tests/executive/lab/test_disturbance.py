@@ -18,7 +18,7 @@ from executive.types import Facts, Image
 from tests.executive.sim.stage import grocery
 
 DOMAIN = load_domain("grocery")
-VALID = re.compile(r"lights|cameras|jpeg=0*([1-9]|[1-8][0-9]|9[0-5])")
+VALID = re.compile(r"lights|cameras|jpeg=0*([1-9]|[1-8][0-9]|9[0-5])|(blurred|noisy|dark)=[0-9].*")
 
 
 @pytest.fixture(scope="module")
@@ -97,3 +97,27 @@ def test_positions_of_another_scene_are_an_error(point: Point) -> None:
         pytest.raises(InputError, match="another scene"),
     ):
         disturber.pictures(replace(point, qpos=np.zeros(7)))
+
+
+@pytest.mark.parametrize("spec", ["blurred", "noisy=", "dark=1.5", "noisy=-3", "noisy=nan", "blurred=1001"])
+def test_pictures_are_not_spoiled_by_what_is_no_amount(spec: str) -> None:
+    with pytest.raises(InputError, match="--disturb"):
+        Disturbance.parse([spec])
+
+
+@pytest.mark.parametrize(("way", "little", "much"), [("blurred", 1, 4), ("noisy", 5, 40), ("dark", 0.2, 0.8)])
+def test_pictures_are_spoiled_by_the_amount_and_each_look_in_its_own_way(
+    way: str, little: float, much: float, point: Point
+) -> None:
+    def shown(amount: float, seed: int = 0, **changes: int) -> Image:
+        with Disturber(Disturbance.parse([f"{way}={amount}"]), None, None, seed) as disturber:
+            return disturber.pictures(replace(point, **changes))["front"]  # type: ignore[arg-type]
+
+    kept = point.images["front"].copy()
+    away = [apart(shown(amount), point.images["front"]) for amount in (0, little, much)]
+    assert away[0] == 0.0 if way != "blurred" else away[0] < away[1]
+    assert 0.0 < away[1] < away[2]
+    assert np.array_equal(point.images["front"], kept)
+    assert np.array_equal(shown(much), shown(much))
+    by_chance = [not np.array_equal(shown(much), other) for other in (shown(much, step=6), shown(much, 1))]
+    assert by_chance == [way == "noisy"] * 2

@@ -109,3 +109,22 @@ def test_an_eye_that_was_made_to_err_is_nothing_to_be_noticed() -> None:
     assert scorer.tally == Tally(
         [Strike("estimator", "estimator:wrong@2", 2, 3.0), Strike("drop", "drop@2", 2, 3.0, 0.0)]
     )
+
+
+def test_a_plan_that_is_made_while_the_old_one_leads_to_the_goal_is_needless() -> None:
+    wrong: dict[Atom, float | None] = {at("b", "q"): 0.8, at("b", "p"): 0.2}
+    for looks, script, needless in (
+        ({2: wrong, 3: wrong}, {}, True),
+        ({}, {2: "land quietly r"}, False),
+        ({2: wrong}, {}, False),
+    ):
+        stage = Stage(GOAL, {"a": "p", "b": "p"}, looks=looks, script=script)
+        _, tally = scored(stage)
+        assert (tally.needless > 0) is needless
+
+
+def test_what_is_broken_of_the_one_who_is_scored_is_no_strike() -> None:
+    scorer = Scorer(Facts, looks=True, own=["camera:dark@0-"])
+    for spec in ("camera:dark@0-", "camera:dark@2"):
+        scorer.write(Event(2, 3.0, 0.0, FaultInjected("camera", spec, 2)))
+    assert [strike.spec for strike in scorer.tally.strikes] == ["camera:dark@2"]
