@@ -54,16 +54,19 @@ class Eye:
     """The readings of one eye, by predicate, and `other` for those that were not measured.
 
     `alike` says how much two looks at the same moment err together: 0 where every look errs on its own, 1 where looking
-    again shows the same mistakes again.
+    again shows the same mistakes again. `lasting` says it of looks at different moments, at what no action has touched
+    in between: to a model that takes a can on the edge for one on the table, it looks like that all day.
     """
 
     readings: Mapping[str, Reading] = field(default_factory=lambda: MappingProxyType({}))
     other: Reading = field(default_factory=Reading)
     alike: float = 0.2
+    lasting: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.alike <= 1.0:
-            raise ValueError(f"looks are alike by a share from 0 to 1, not {self.alike}")
+        for name in ("alike", "lasting"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name}: a share from 0 to 1 is expected, got {getattr(self, name)}")
 
     def evidence(self, atom: Atom, probability: float) -> float:
         return self.readings.get(atom.predicate, self.other).evidence(probability)
@@ -73,6 +76,14 @@ class Eye:
         that err on their own, where a is `alike` (the design effect of cluster samples, Kish 1965)."""
         count = len(evidence)
         return math.fsum(evidence) / (1.0 + (count - 1) * self.alike)
+
+    def anew(self, evidence: float, believed: float) -> float:
+        """What a look says that earlier ones have not said already, where they had it `believed` (log-odds) and nothing
+        has touched it since. What speaks against them counts in full; what agrees, as far as it is not the same error
+        once more: with `lasting` a, looks that all say e amount to e / a and no more."""
+        if evidence * believed <= 0.0:
+            return evidence
+        return math.copysign(max(0.0, abs(evidence) - self.lasting * abs(believed)), evidence)
 
 
 EXACT = Eye(other=Reading(1e-6, 1e-6), alike=0.0)

@@ -49,7 +49,8 @@ class Hypothesis(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class Track:
     """What is believed of this moment but for its looks, their evidence atom by atom, what each atom's probability is
-    with it (None before the first look), and the last known values before these looks and with them. The first
+    with it (None before the first look), and the last known values before these looks and with them. `believed` are the
+    log-odds, before these looks, of the atoms that earlier ones told of and the last action did not touch. The first
     hypothesis is that the last action's effects came about, if there are more than one."""
 
     hypotheses: tuple[Hypothesis, ...]
@@ -57,6 +58,7 @@ class Track:
     marginal: Mapping[Atom, float] | None = None
     before: Last = field(default_factory=Last)
     now: Last = field(default_factory=Last)
+    believed: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
 class _Posterior(NamedTuple):
@@ -104,6 +106,7 @@ class FusedMonitor:
             return replace(self.begin(), before=memory.now, now=memory.now)
         marginal, unrest = memory.marginal or self._posterior(memory).marginal, self.actions.unrest
         still = self._mixed(marginal, unrest)
+        open_: frozenset[Atom] = frozenset()
         if step is None:
             outcomes = [(1.0, still)]
         else:
@@ -114,7 +117,13 @@ class FusedMonitor:
                 (chances.nothing, still),
                 (chances.other, {atom: self._any[atom] if atom in open_ else still[atom] for atom in still}),
             ]
-        return Track(tuple(self._hypothesis(*outcome) for outcome in outcomes), before=memory.now, now=memory.now)
+        told = (memory.evidence.keys() | memory.believed.keys()) - open_
+        return Track(
+            tuple(self._hypothesis(*outcome) for outcome in outcomes),
+            before=memory.now,
+            now=memory.now,
+            believed=MappingProxyType({atom: _log_odds(still[atom]) for atom in told}),
+        )
 
     def looked(self, memory: Track, raw: Belief, cycle: int) -> tuple[Track, Judgement]:
         answers = {atom: value for atom, value in raw.probability.items() if atom in self._mates}
@@ -156,7 +165,10 @@ class FusedMonitor:
 
     def _posterior(self, memory: Track) -> _Posterior:
         """Bayes' rule over outcomes and states. The most probable state is that of the most probable pair of both."""
-        evidence = {atom: self.eye.together(values) for atom, values in memory.evidence.items()}
+        evidence = {
+            atom: self.eye.anew(self.eye.together(values), memory.believed.get(atom, 0.0))
+            for atom, values in memory.evidence.items()
+        }
         answers, logs = [], []
         for chance, weights, log_total in memory.hypotheses:
             answer = self.network.solve({atom: weight + evidence.get(atom, 0.0) for atom, weight in weights.items()})
@@ -221,3 +233,8 @@ class FusedMonitor:
             for atom, value in answers.items()
             if (answered := self._truth(atom, value)) is not None and seen.get(atom) is not answered
         ]
+
+
+def _log_odds(probability: float) -> float:
+    kept = min(1.0 - _LEAST, max(_LEAST, probability))
+    return math.log(kept / (1.0 - kept))

@@ -281,3 +281,26 @@ def test_without_groups_each_atom_is_on_its_own() -> None:
     memory = monitor.acted(memory, step, SkillResult(step, SkillStatus.DONE))
     _, judgement = after(monitor, Belief(1, {lamps[0]: 1.0, lamps[1]: 0.0}), memory=memory)
     assert judgement.seen == Facts({lamps[0]: True, lamps[1]: False})
+
+
+def test_a_model_that_leans_the_same_way_cycle_after_cycle_is_not_believed_more_for_it() -> None:
+    """The can lies across two tables all day, and is taken to lie on one of them with the same doubt in every look."""
+    leaning = Belief(0, {**answers(truth({"cup": "desk", "jug": "rack", "pot": "rack"})).probability})
+    leaning = replace(leaning, probability={**leaning.probability, at("cup", "desk"): 0.75, at("cup", "tray"): 0.25})
+    chance = {}
+    for lasting in (0.0, 0.8):
+        monitor = FusedMonitor(NETWORK, Eye(other=Reading(1e-3, 1e-3), lasting=lasting))
+        memory, judgement = monitor.looked(monitor.begin(), leaning, 0)
+        for cycle in range(1, 12):  # other things are moved meanwhile
+            step = pick("jug", "rack") if cycle % 2 else put("jug", "rack")
+            memory = monitor.acted(memory, step, SkillResult(step, SkillStatus.DONE))
+            facts = truth({"cup": "desk", "jug": HAND if cycle % 2 else "rack", "pot": "rack"})
+            look = replace(
+                leaning, probability={**answers(facts).probability, **{atom: leaning.probability[atom] for atom in CUP}}
+            )
+            memory, judgement = monitor.looked(memory, look, cycle)
+        chance[lasting] = judgement.probability[at("cup", "desk")]
+    assert chance[0.0] > 0.99 > 0.95 > chance[0.8] > 0.75
+
+
+CUP = [atom for atom in ATOMS if atom.args and atom.args[0] == "cup"]

@@ -145,3 +145,17 @@ def test_the_least_certain_come_first() -> None:
     _, judgement = PlainMonitor(ATOMS).looked(PlainMonitor(ATOMS).begin(), Belief(0, unsure), 0)
     assert judgement.least_certain(ATOMS)[:2] == (held("cup"), FREE)
     assert judgement.least_certain([]) == ()
+
+
+@given(st.floats(0.01, 1.0), st.floats(0.1, 6.0), st.integers(1, 30))
+def test_the_same_answer_about_what_nothing_has_touched_never_adds_up_to_certainty(
+    lasting: float, worth: float, looks: int
+) -> None:
+    """e, then e again less what of it was the same error: e / a at most, and the plain sum where a is 0."""
+    eye, believed = Eye(lasting=lasting), 0.0
+    for _ in range(looks):
+        believed += eye.anew(worth, believed)
+    assert believed <= worth / lasting + 1e-9
+    assert believed >= worth - 1e-9
+    assert Eye().anew(worth, believed) == worth
+    assert eye.anew(-worth, believed) == -worth, "what speaks against it counts in full"
