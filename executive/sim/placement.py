@@ -85,23 +85,10 @@ def random_point(table: TableSpec, inset: float, rng: np.random.Generator) -> Fl
     local = rng.uniform(-1.0, 1.0, 2) * half
     if (half <= 0).any():
         return None
-    return in_room(table, local)
-
-
-def in_room(table: TableSpec, local: FloatArray) -> FloatArray:
-    """A point (2,) given from the middle of a table's top and along its sides, as the world has it."""
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
     return np.array(
         [table.centre[0] + cos * local[0] - sin * local[1], table.centre[1] + sin * local[0] + cos * local[1]]
     )
-
-
-def outside(point: FloatArray, table: TableSpec) -> float:
-    """How far in m a point (2,) is outside of a table's rectangle, seen from above; 0 inside."""
-    x, y = point - np.asarray(table.centre[:2])
-    cos, sin = np.cos(table.yaw), np.sin(table.yaw)
-    local = np.abs([cos * x + sin * y, -sin * x + cos * y]) - 0.5 * np.asarray(table.size[:2])
-    return float(np.linalg.norm(np.maximum(local, 0.0)))
 
 
 def upright(shape: ItemShape, spot: FloatArray, table: TableSpec, yaw: float) -> FloatArray:

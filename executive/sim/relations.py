@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
 
-from executive.sim import placement
 from executive.sim.spec import TableSpec
 
 _LEFT = ("left_outer_knuckle", "left_inner_finger", "left_inner_knuckle")
@@ -58,7 +58,7 @@ def on(state: State, item: str, table: str) -> bool:
     if not tables:
         return False
     centre = state.data.subtree_com[state.model.body(item).id]
-    return table == min(sorted(tables), key=lambda name: placement.outside(centre[:2], state.tables[name]))
+    return table == min(sorted(tables), key=lambda name: _outside(centre, state.tables[name]))
 
 
 def gripping(state: State, item: str) -> bool:
@@ -70,3 +70,11 @@ def gripping(state: State, item: str) -> bool:
 def gripper_empty(state: State) -> bool:
     """No item is between the fingers."""
     return not any(gripping(state, item) for item in state.items)
+
+
+def _outside(point: np.ndarray[tuple[int], np.dtype[np.float64]], table: TableSpec) -> float:
+    """Horizontal distance in m from the table's rectangle, 0 inside."""
+    x, y = point[:2] - np.asarray(table.centre[:2])
+    cos, sin = np.cos(table.yaw), np.sin(table.yaw)
+    local = np.abs([cos * x + sin * y, -sin * x + cos * y]) - 0.5 * np.asarray(table.size[:2])
+    return float(np.linalg.norm(np.maximum(local, 0.0)))

@@ -16,7 +16,6 @@ import numpy as np
 
 from executive.domain import Domain
 from executive.sim import placement, scene
-from executive.sim.spec import TableSpec
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Facts, FloatArray
@@ -29,10 +28,6 @@ VARIANTS = 4
 _FLOOR = 0.06
 _TIPPED = 0.18
 """The chance that an item lies on the floor, or was let fall onto a table in any orientation."""
-
-_ACROSS, _ASTRAY = 0.14, 0.03
-"""The chance that an item is put near an edge of a table, and how far from it in m (standard deviation): where tables
-meet it may then lie on two of them, and which one carries it is what an eye errs about most."""
 
 _KINDS = ("at home", "holding at home", "above", "holding above", "closing", "letting go", "anywhere")
 _SHARES = (0.24, 0.22, 0.13, 0.17, 0.08, 0.06, 0.10)
@@ -109,15 +104,13 @@ class Sampler:
         tipped, radius = rng.random() < _TIPPED, placement.footprint(shape)
         if rng.random() < _FLOOR:
             return self._on_floor(item)
-        across = rng.random() < _ACROSS
-        tipped = tipped or (across and rng.random() < 0.5)
         if tipped:
             radius = float(np.linalg.norm(shape.half))
         for _ in range(60):
             table = tables[
                 favourite if favourite is not None and rng.random() < 0.7 else int(rng.integers(len(tables)))
             ]
-            spot = self._by_edge(table) if across else placement.random_point(table, 0.6 * radius + 0.005, rng)
+            spot = placement.random_point(table, 0.6 * radius + 0.005, rng)
             if spot is None:
                 continue
             if all(
@@ -130,22 +123,6 @@ class Sampler:
                     pose[2] = table.centre[2] + float(np.linalg.norm(shape.half)) + 0.005
                 return pose
         return self._on_floor(item)
-
-    def _by_edge(self, table: TableSpec) -> FloatArray:
-        """A random point (2,) near an edge of the table, mostly one where another table is near."""
-        rng, half = self._rng, 0.5 * np.asarray(table.size[:2])
-        for _ in range(20):
-            along, side = int(rng.integers(2)), float(rng.choice([-1.0, 1.0]))
-            local = np.zeros(2)
-            local[along] = rng.uniform(-0.9, 0.9) * half[along]
-            local[1 - along] = side * half[1 - along] + rng.normal(0.0, _ASTRAY)
-            spot = placement.in_room(table, local)
-            if rng.random() < 0.1 or any(
-                other is not table and placement.outside(spot, other) < 2.0 * _ASTRAY
-                for other in self.world.spec.tables
-            ):
-                break
-        return spot
 
     def _on_floor(self, item: str) -> FloatArray:
         rng, half = self._rng, self.world.shapes[item].half
