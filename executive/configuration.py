@@ -5,15 +5,16 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 import re
 import time
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from executive.domain import Domain
 from executive.errors import InputError, nearest
 from executive.eye import EyeConfig
+from executive.files import read_toml, reason
 from executive.monitoring import MonitorConfig
 from executive.policy import Settings
 from executive.trace.whole import write_whole
@@ -72,6 +73,10 @@ class RunConfig:
             raise InputError(f"a standard deviation in m, from 0 to 1, not {self.grasp_noise}", key="--grasp-noise")
         if not 0.0 < self.patience < math.inf:
             raise InputError(f"seconds above zero, not {self.patience}", key="--patience")
+        for name in ("seed", "max_replans", "max_actions", "max_cycles", "max_looks", "max_looks_again"):
+            value, key = getattr(self, name), f"--{name.replace('_', '-')}"
+            if value is not None and not 0 <= value < 2**63:  # TOML has no larger ones
+                raise InputError(f"a number from 0 on, of 64 bits at most, not {value}", key=key)
         if self.max_seconds is not None and not 0.0 <= self.max_seconds < math.inf:
             raise InputError(f"seconds from zero on, not {self.max_seconds}", key="--max-seconds")
         if self.max_questions is not None and self.max_questions < 1:
@@ -110,8 +115,8 @@ def make_folder(config: RunConfig, domain: Domain) -> Path:
             folder.mkdir(parents=True)
         except FileExistsError:
             continue
-        except OSError as error:
-            raise InputError(f"cannot be made: {error.strerror}", file=folder) from error
+        except (OSError, ValueError) as error:
+            raise InputError(f"cannot be made: {reason(error)}", file=folder) from error
         write_whole(folder / CONFIG, _toml(config).encode())
         return folder
     raise InputError("there is a run of this name already; choose another with --name", file=config.runs / names[0])
@@ -126,20 +131,16 @@ def read_config(run: Path) -> RunConfig:
     from pydantic import TypeAdapter, ValidationError
 
     file = run / CONFIG
+    if not os.path.exists(file):
+        raise InputError("is missing: it is not known what the run was asked to do", file=file)
+    said = read_toml(file)
     try:
-        said = tomllib.loads(file.read_text(encoding="utf-8"))
         return TypeAdapter(RunConfig).validate_python(said)
-    except FileNotFoundError:
-        raise InputError("is missing: it is not known what the run was asked to do", file=file) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
     except ValidationError as error:
         first = error.errors()[0]
         raise InputError(first["msg"], file=file, key=".".join(map(str, first["loc"]))) from None
     except InputError as error:
         raise InputError(error.message, file=file, key=error.key) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"is not TOML: {error}", file=file) from None
 
 
 def _toml(config: RunConfig) -> str:

@@ -8,6 +8,7 @@ packages register under the entry-point groups `executive.skills` and `executive
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -147,7 +148,7 @@ def load_subject(where: str | Path, problem: str | None = None) -> Subject:
         DomainError: the first mistake, in one line with its file and key.
     """
     folder = Path(where)
-    if (folder / DOMAIN).is_file() and not (folder / MANIFEST).exists():
+    if os.path.isfile(folder / DOMAIN) and not (folder / MANIFEST).exists():
         domain_file = inside(folder, folder / DOMAIN)
         problem_file = inside(folder, folder / PROBLEM) if problem is None else _problem(folder, problem)
         questions, instructions = (
@@ -166,13 +167,13 @@ def load_subject(where: str | Path, problem: str | None = None) -> Subject:
 
 def _locate(where: str | Path) -> Path:
     folder, shipped = Path(where), list_domains()
-    if (folder / MANIFEST).exists():
+    if os.path.exists(folder / MANIFEST):  # not so for names that no file can have
         return folder
     if isinstance(where, str) and where in shipped:
         return _SHIPPED / where
-    if folder.is_dir():
+    if os.path.isdir(folder):
         raise DomainError(f"there is no {MANIFEST} in this folder", file=folder)
-    if folder.exists():
+    if os.path.exists(folder):
         raise DomainError(f"is not a folder; a domain is a folder with a {MANIFEST}", file=folder)
     raise DomainError(
         f"no such folder, nor a shipped domain of that name; {nearest(folder.name, shipped)}", file=folder
@@ -185,6 +186,6 @@ def _problem(folder: Path, problem: str) -> Path:
     if problem in names:
         return inside(folder, folder / "problems" / f"{problem}.pddl")
     for path in (folder / problem, Path(problem)):
-        if path.suffix == ".pddl" and path.is_file():
+        if path.suffix == ".pddl" and os.path.isfile(path):
             return inside(folder, path)
     raise DomainError(f"there is no problem {problem!r}; {nearest(problem, names)}", file=folder / "problems")

@@ -6,11 +6,13 @@ What the commands `run` and `estimate` have in common. Everything that is built 
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executive.domain import Subject
 from executive.errors import InputError, nearest
+from executive.files import home
 from executive.s3e import (
     S3E,
     Backend,
@@ -120,8 +122,8 @@ def load_calibration(config: EyeConfig) -> Calibration | None:
     """
     if config.calibration is not None:
         return Calibration.load(config.calibration)
-    beside = None if config.vlm is None or config.server is not None else Path(config.vlm).expanduser() / FILE
-    return Calibration.load(beside) if beside is not None and beside.is_file() else None
+    beside = None if config.vlm is None or config.server is not None else home(config.vlm) / FILE
+    return Calibration.load(beside) if beside is not None and os.path.isfile(beside) else None
 
 
 def word_questions(config: EyeConfig, subject: Subject, server: ChatServer | None = None) -> Questions:

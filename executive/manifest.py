@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import reprlib
 import stat
-import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
@@ -20,10 +19,9 @@ from typing import Literal, NoReturn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.errors import DomainError, nearest
+from executive.files import LARGEST, LARGEST_TOML, parse_toml, read_text, reason
 
 MANIFEST = "domain.toml"
-LARGEST = 10_000_000
-"""Bytes; no file of a domain is larger."""
 
 _HEADER = re.compile(r"\s*\[+([^\[\]]+)\]")
 _CARRYING = re.compile(r"([^\s(]+)\s*\(([^()]*)\)")
@@ -95,7 +93,7 @@ def inside(folder: Path, path: Path) -> Path:
     except FileNotFoundError:
         raise DomainError("there is no such file", file=path) from None
     except (OSError, ValueError, RuntimeError) as error:
-        raise DomainError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=path) from None
+        raise DomainError(f"cannot be read ({reason(error)})", file=path) from None
     if not real.is_relative_to(folder.resolve()):
         raise DomainError("leads outside the domain folder", file=path)
     if not stat.S_ISREG(status.st_mode):
@@ -110,12 +108,7 @@ class Source:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.path = folder, inside(folder, folder / MANIFEST)
-        try:
-            self.text = self.path.read_text(encoding="utf-8")
-        except UnicodeDecodeError as error:
-            raise DomainError(f"is not UTF-8 text ({error.reason} at byte {error.start})", file=self.path) from None
-        except OSError as error:
-            raise DomainError(f"cannot be read ({error.strerror})", file=self.path) from None
+        self.text = read_text(self.path, largest=LARGEST_TOML, mistake=DomainError)
 
     def fail(self, key: Sequence[str], message: str) -> NoReturn:
         line = self._line(key)
@@ -123,12 +116,9 @@ class Source:
         raise DomainError(message, file=self.path, key=dotted if line is None else f"line {line}: {dotted}")
 
     def manifest(self) -> Manifest:
+        said = parse_toml(self.text, self.path, mistake=DomainError)
         try:
-            return Manifest.model_validate(tomllib.loads(self.text))
-        except tomllib.TOMLDecodeError as error:
-            raise DomainError(f"is not TOML: {error}", file=self.path) from None
-        except RecursionError:
-            raise DomainError("is not TOML that anyone would write: nested too deep", file=self.path) from None
+            return Manifest.model_validate(said)
         except ValidationError as error:
             # A misspelt key is also a missing one: the first is what to say.
             first = min(error.errors(), key=lambda entry: entry["type"] != "extra_forbidden")

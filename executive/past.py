@@ -7,6 +7,7 @@ that does not look, what it assumed.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,7 +84,7 @@ class Past:
         Raises:
             InputError: a line of the record is no event.
         """
-        if not (folder / EVENTS_FILE).exists():
+        if not os.path.exists(folder / EVENTS_FILE):
             return cls(folder)
         story, wall, looks, observations = Story(), 0.0, 0, 0
         for event in read_events(folder, images=False):

@@ -12,15 +12,15 @@ import math
 import os
 import random
 import tempfile
-import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.errors import DomainError, InputError, nearest
+from executive.files import home, read_json, read_toml
 from executive.monitor.actions import Chances
 from executive.monitor.conformal import Conformal
 from executive.monitor.eye import Eye, Reading
@@ -116,10 +116,7 @@ def load_outcomes(file: Path, actions: Collection[str]) -> Mapping[tuple[str, Sk
     Raises:
         DomainError: the first mistake, in one line with file and key.
     """
-    try:
-        said = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise DomainError(f"is not TOML: {error}", file=file) from None
+    said = read_toml(file, mistake=DomainError)
     statuses = [status.value for status in SkillStatus]
     counts = {}
     for action, table in said.items():
@@ -176,8 +173,8 @@ def save(path: Path, domain: str, trust: Trust) -> Path:
     Raises:
         InputError: it cannot be written, or what is there is no such file.
     """
-    file = path / FILE if path.is_dir() else path
-    domains = dict(_read(file).domains) if file.exists() else {}
+    file = path / FILE if os.path.isdir(path) else path
+    domains = dict(_read(file).domains) if os.path.exists(file) else {}
     predicates = {
         name: _Predicate(
             false_alarms=reading.false_alarms,
@@ -213,7 +210,7 @@ def load(path: Path, domain: str) -> Trust:
     Raises:
         InputError: the first mistake, in one line with file and key, or nothing was learned about that domain.
     """
-    file = path / FILE if path.is_dir() else path
+    file = path / FILE if os.path.isdir(path) else path
     domains = _read(file).domains
     if domain not in domains:
         raise InputError(f"says nothing of the domain {domain!r}; {nearest(domain, domains)}", file=file, key="domains")
@@ -234,22 +231,12 @@ def load(path: Path, domain: str) -> Trust:
 
 def beside(vlm: str | None) -> Path | None:
     """The file beside a model's folder, if there is one."""
-    file = None if vlm is None else Path(vlm).expanduser() / FILE
-    return file if file is not None and file.is_file() else None
+    file = None if vlm is None else home(vlm) / FILE
+    return file if file is not None and os.path.isfile(file) else None
 
 
 def _read(file: Path) -> _Document:
-    try:
-        with file.open("rb") as stream:
-            data = stream.read(_LARGEST + 1)
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    if len(data) > _LARGEST:
-        raise InputError(f"has more than {_LARGEST:,} bytes, which no such file has", file=file)
-    try:
-        said: Any = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"is not JSON ({error})", file=file) from None
+    said = read_json(file, largest=_LARGEST)
     try:
         document = _Document.model_validate(said)
     except ValidationError as error:

@@ -16,7 +16,6 @@ kind (`shove@3:item=lemon`). What each kind takes is in `executive.faults.kinds`
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,11 +24,9 @@ from typing import NoReturn
 from executive.errors import InputError, nearest
 from executive.faults.kinds import KINDS, Kind
 from executive.faults.spoiled import SPOILED, most
+from executive.files import read_toml
 
 EXAMPLES = "drop@4, drop:p=0.3,item=lemon, shove:item=lemon@3 or camera:front=black@5-8"
-LARGEST = 1_000_000
-"""Bytes; no file of faults is larger."""
-
 EVER = 10**9
 """The action that no run comes to."""
 
@@ -124,18 +121,7 @@ def read_faults(file: Path) -> tuple[str, ...]:
     Raises:
         InputError: no such file, or it is not one of faults; file and key are named.
     """
-    try:
-        with file.open("rb") as opened:
-            data = opened.read(LARGEST + 1)
-        if len(data) > LARGEST:
-            raise InputError(f"is larger than {LARGEST:,} bytes", file=file)
-        document = tomllib.loads(data.decode())
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    except ValueError as error:  # neither text nor TOML
-        raise InputError(f"is not TOML: {error}", file=file) from None
-    except RecursionError:
-        raise InputError("is not TOML that anyone would write: nested too deep", file=file) from None
+    document = read_toml(file)
     for key in document.keys() - {"faults"}:
         raise InputError(f"unknown key; {nearest(key, ['faults'])}", file=file, key=key)
     listed = document.get("faults")

@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from executive.errors import InputError, nearest
+from executive.files import parse_json, read_json
+from executive.trace.codec import decode
 from executive.trace.pictures import from_jpeg, to_jpeg
 from executive.types import Atom, Facts, FloatArray, Image, SkillStatus
 
@@ -163,7 +165,7 @@ def read_log(folder: Path, collection: str, episode: int) -> Log:
     path = shard(folder, episode)
     table = _table(path)
     try:
-        said = json.loads(table.schema.metadata[_METADATA])
+        said = parse_json(table.schema.metadata[_METADATA])
         attempts = tuple(Attempt(*entry) for entry in said["attempts"])
         log, belongs = Log(said["episode"], table.num_rows, attempts, Ending(said["ending"])), said["collection"]
     except (KeyError, TypeError, ValueError) as error:
@@ -201,21 +203,36 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         InputError: the folder has none, or it is damaged or of another format.
     """
     path = folder / MANIFEST
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-        told = manifest["format"]
-    except FileNotFoundError:
-        raise InputError(f"is no collection: it has no {MANIFEST}", file=folder) from None
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"cannot be read ({error!r})", file=path) from None
+    if not os.path.exists(path):
+        raise InputError(f"is no collection: it has no {MANIFEST}", file=folder)
+    manifest = read_json(path)
+    told = manifest.get("format") if isinstance(manifest, dict) else None
     if told != FORMAT:
-        raise InputError(f"is of format {told!r}; this Executive reads {FORMAT}", file=path)
-    if not isinstance(manifest, dict) or not manifest.keys() >= _KEYS:
-        raise InputError(f"lacks {', '.join(sorted(_KEYS - set(manifest)))}", file=path)
-    return manifest
+        raise InputError(f"is of format {told!r:.40}; this Executive reads {FORMAT}", file=path)
+    try:
+        if decode(_Manifest, manifest).statistics is None and manifest["finished"]:
+            raise ValueError("statistics is missing")
+    except ValueError as error:
+        raise InputError(str(error), file=path) from None
+    return dict(manifest)
 
 
-_KEYS = {"format", "collection", "command", "points", "finished", "cameras", "atoms", "statistics"}
+@dataclass(frozen=True, slots=True)
+class _Statistics:
+    episodes: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Manifest:
+    """What a manifest has at least."""
+
+    collection: Mapping[str, Any]
+    command: str
+    points: int
+    finished: bool
+    cameras: Mapping[str, Any]
+    atoms: tuple[str, ...]
+    statistics: _Statistics | None
 
 
 def columns(folder: Path, episode: int, *names: str) -> list[dict[str, Any]]:
@@ -232,6 +249,9 @@ def _points(folder: Path, manifest: Mapping[str, Any], cameras: Sequence[str]) -
             points = [_point(row, cameras) for row in rows]
         except InputError as error:
             raise InputError(f"{error}; collect it again with: {manifest['command']}") from None
+        except (OSError, ValueError, SyntaxError, LookupError, TypeError, AttributeError) as error:  # no such columns
+            message = f"is damaged ({error!r}); collect it again with: {manifest['command']}"
+            raise InputError(message, file=shard(folder, episode)) from None
         yield from points
 
 

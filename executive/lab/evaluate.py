@@ -159,7 +159,7 @@ class Evaluator:
     @property
     def wanted(self) -> int:
         """How many looks are taken."""
-        points = int(self._manifest["statistics"]["points"])
+        points: int = self._manifest["points"]
         return points if self.config.looks is None else min(points, self.config.looks)
 
     def run(self, watch: Callable[[Progress], None] = lambda progress: None) -> Evaluation | None:

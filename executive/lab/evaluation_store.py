@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import time
-import zipfile
-import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from executive.errors import InputError
+from executive.files import parse_arrays, read_bytes, read_json
 from executive.lab.dataset import write_atomically
 from executive.lab.evaluate import EvalConfig, Evaluation
 from executive.lab.metrics import Answers, never_true, scores
 from executive.types import Atom
 
 RESULTS, ANSWERS = "evaluation.json", "answers.npz"
+_LARGEST = 1_000_000_000
 
 
 def document(evaluation: Evaluation) -> dict[str, Any]:
@@ -65,17 +67,29 @@ def load(folder: Path) -> Evaluation:
     Raises:
         InputError: the folder holds no evaluation, or a damaged one.
     """
-    if not (folder / RESULTS).is_file():
+    if not os.path.isfile(folder / RESULTS):
         raise InputError(f"holds no evaluation: it has no {RESULTS}", file=folder)
+    told = read_json(folder / RESULTS)
+    if not (isinstance(told, dict) and isinstance(told.get("name"), str) and isinstance(told.get("about"), dict)):
+        raise InputError("is not what Executive wrote: it says no name, or nothing about it", file=folder / RESULTS)
     try:
-        told = json.loads((folder / RESULTS).read_text(encoding="utf-8"))
-        with np.load(folder / ANSWERS, allow_pickle=False) as kept:
-            atoms = tuple(Atom.parse(str(atom)) for atom in kept["atoms"])
-            answers = Answers(atoms, kept["probability"], kept["truth"])
-            looks = tuple((int(episode), int(step)) for episode, step in kept["looks"])
-            return Evaluation(told["name"], told["about"], answers, looks, kept["surprising"], kept["seconds"])
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"is a damaged evaluation ({error})", file=folder) from None
+        kept = parse_arrays(read_bytes(folder / ANSWERS, largest=_LARGEST))
+        atoms = tuple(Atom.parse(str(atom)) for atom in kept["atoms"])
+        answers = Answers(atoms, _array(kept, "probability", "f", 2), _array(kept, "truth", "b", 2))
+        looks = tuple((int(episode), int(step)) for episode, step in _array(kept, "looks", "i", 2))
+        surprising, seconds = _array(kept, "surprising", "b", 1), _array(kept, "seconds", "f", 1)
+        if {len(looks), len(surprising), len(seconds)} != {answers.looks}:
+            raise ValueError("its arrays are not of the same looks")
+    except (ValueError, LookupError, TypeError) as error:
+        raise InputError(f"is damaged ({error})", file=folder / ANSWERS) from None
+    return Evaluation(told["name"], told["about"], answers, looks, surprising, seconds)
+
+
+def _array(kept: Mapping[str, npt.NDArray[Any]], name: str, kind: str, dimensions: int) -> Any:
+    array = kept[name]
+    if array.dtype.kind != kind or array.ndim != dimensions:
+        raise ValueError(f"{name} is {array.dtype} {array.shape}")
+    return array
 
 
 def default_folder(config: EvalConfig) -> Path:
@@ -92,7 +106,7 @@ def claimed(folder: Path) -> Iterator[Path]:
     Raises:
         InputError: it holds something else, or cannot be made.
     """
-    new = not folder.exists()
+    new = not os.path.exists(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / RESULTS).is_file() and any(folder.iterdir()):

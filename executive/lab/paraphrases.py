@@ -12,7 +12,6 @@ and several names for some of the objects:
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from executive.errors import DomainError, nearest
+from executive.files import read_toml
 from executive.s3e import Templates
 from executive.types import Atom, Task
 
@@ -66,16 +66,7 @@ class Paraphrases:
 
 
 def _read(file: Path) -> dict[str, dict[str, Any]]:
-    try:
-        tables = tomllib.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DomainError("there is no such file", file=file) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DomainError(f"cannot be read ({error})", file=file) from None
-    except tomllib.TOMLDecodeError as error:
-        raise DomainError(f"is not TOML: {error}", file=file) from None
-    except RecursionError:
-        raise DomainError("is not TOML that anyone would write: nested too deep", file=file) from None
+    tables = read_toml(file, mistake=DomainError)
     for name, table in tables.items():
         if name not in ("questions", "objects"):
             raise DomainError(f"unknown key; {nearest(name, ('questions', 'objects'))}", file=file, key=name)

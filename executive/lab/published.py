@@ -15,7 +15,6 @@ A domain may have a file `published.toml`:
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +22,7 @@ from typing import NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.errors import DomainError, nearest
+from executive.files import read_toml
 from executive.lab.metrics import THRESHOLDS
 from executive.types import Atom
 
@@ -88,22 +88,15 @@ def read(folder: Path) -> Published | None:
         DomainError: the file is wrong; file and key are named.
     """
     file = folder / FILE
-    try:
-        text = file.read_text(encoding="utf-8")
-    except FileNotFoundError:
+    if not file.exists():
         return None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DomainError(f"cannot be read: {error}", file=file) from None
+    said = read_toml(file, mistake=DomainError)
     try:
-        published = Published.model_validate(tomllib.loads(text))
-        _check(published, file)
-    except tomllib.TOMLDecodeError as error:
-        raise DomainError(f"is not TOML: {error}", file=file) from None
-    except RecursionError:
-        raise DomainError("is not TOML that anyone would write: nested too deep", file=file) from None
+        published = Published.model_validate(said)
     except ValidationError as error:
         first = error.errors()[0]
         raise DomainError(first["msg"], file=file, key=".".join(map(str, first["loc"]))) from None
+    _check(published, file)
     return published
 
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from executive.domain import Domain, load_domain
 from executive.errors import InputError
+from executive.files import read_json
 from executive.lab import dataset
 from executive.lab.eye.sizes import RECIPES, Recipe
 from executive.lab.progress import Stage
@@ -170,11 +171,7 @@ class Training:
             raise InputError("is not a folder", file=out)
         file = out / MANIFEST
         if file.exists():
-            try:
-                there = json.loads(file.read_text(encoding="utf-8"))
-            except (OSError, ValueError) as error:
-                raise InputError(f"cannot be read ({error})", file=file) from None
-            if there != what:
+            if read_json(file) != what:
                 raise InputError("holds another training; choose another folder with --out", file=out)
             return
         if out.exists() and any(not entry.name.startswith(".") for entry in out.iterdir()):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from executive.errors import DomainError, nearest
+from executive.files import read_text
 
 _DEEPEST = 60
 _NAME = re.compile(r"[a-z][a-z0-9_\-]*")
@@ -98,12 +99,7 @@ class PddlFile:
         return form.word
 
     def _parse(self) -> Form:
-        try:
-            text = self.path.read_text(encoding="utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise DomainError(f"is not UTF-8 text ({error.reason} at byte {error.start})", file=self.path) from None
-        except OSError as error:
-            raise DomainError(f"cannot be read ({error.strerror})", file=self.path) from None
+        text = read_text(self.path, mistake=DomainError)
         stack: list[tuple[int, list[Form]]] = [(1, [])]
         swallowed: tuple[int, int] | None = None  # where a section begins inside another: which, and where
         for number, line in enumerate(text.lower().split("\n"), start=1):

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from executive.errors import InputError, nearest
+from executive.files import read_json
 from executive.types import Atom, Belief, FloatArray
 
 FILE = "calibration.json"
@@ -221,7 +222,7 @@ def _sigmoid(odds: float) -> float:
 
 
 def _file(path: Path | str) -> Path:
-    return Path(path) / FILE if Path(path).is_dir() else Path(path)
+    return Path(path) / FILE if os.path.isdir(path) else Path(path)
 
 
 def _as_table(scaling: Scaling) -> dict[str, float]:
@@ -229,15 +230,7 @@ def _as_table(scaling: Scaling) -> dict[str, float]:
 
 
 def _read(file: Path) -> dict[str, Any]:
-    try:
-        with file.open("rb") as stream:
-            data = stream.read(_LARGEST + 1)
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    try:
-        document = json.loads(data.decode("utf-8")) if len(data) <= _LARGEST else None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"is not JSON ({error})", file=file) from None
+    document = read_json(file, largest=_LARGEST)
     if not isinstance(document, dict):
         raise InputError("is not a calibration that Executive wrote", file=file)
     return document

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
 from executive.errors import InputError
+from executive.files import parse_json
 
 if TYPE_CHECKING:
     import httpx2
@@ -295,18 +296,18 @@ def _run(coroutine: Coroutine[Any, Any, _T]) -> _T:
 
 def _decoded(data: bytes) -> Any:
     try:
-        return json.loads(data)
-    except (ValueError, RecursionError):
+        return parse_json(data)
+    except ValueError:
         raise ReplyError("the reply is not complete JSON") from None
 
 
 def _refusal(status: int, after: str, data: bytes) -> ReplyError:
     """What a status other than 200 means. The server's own words are passed on as far as there are any."""
     try:
-        reply = json.loads(data)
+        reply = parse_json(data)
         error = reply.get("error", reply)
         words = str(error.get("message") or error.get("detail") or "") if isinstance(error, dict) else str(error)
-    except (ValueError, AttributeError, RecursionError):
+    except (ValueError, AttributeError):
         words = ""
     words = f": {words[:_TOLD]}" if words else ""
     if status in (401, 403):
@@ -323,6 +324,9 @@ def _refusal(status: int, after: str, data: bytes) -> ReplyError:
 
 def _models(reply: Any) -> tuple[str, ...]:
     try:
-        return tuple(str(entry["id"]) for entry in reply["data"])
+        names = [entry["id"] for entry in reply["data"]]
     except (LookupError, TypeError):
-        raise ReplyError("what answers there is no OpenAI-compatible server: it lists no models", again=False) from None
+        names = [None]
+    if not all(isinstance(name, str) and name.isprintable() for name in names):
+        raise ReplyError("what answers there is no OpenAI-compatible server: it lists no models", again=False)
+    return tuple(names)

@@ -6,7 +6,7 @@ pictures, a chat template. Whatever is wrong with one is said in one line that n
 
 from __future__ import annotations
 
-import json
+import os
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.errors import InputError, MissingError
+from executive.files import home, parse_json, read_json
 
 CONFIG, WEIGHTS, INDEX = "config.json", "model.safetensors", "model.safetensors.index.json"
 PROCESSORS = ("processor_config.json", "preprocessor_config.json")
@@ -24,8 +25,8 @@ _JSON = (*PROCESSORS, "tokenizer_config.json", "tokenizer.json", "generation_con
 """Read again by their own readers, which do not all say which file was broken."""
 
 _HUB_ID = re.compile(r"[A-Za-z0-9][\w.\-]*/[A-Za-z0-9][\w.\-]*")
-_LARGEST_HEADER = 100_000_000
-"""Bytes: the most that the safetensors format allows its header."""
+_LARGEST = 100_000_000
+"""Bytes: the most that the safetensors format allows its header. Vocabularies come to a third of that."""
 
 _HALF = ("F16", "BF16")
 
@@ -50,10 +51,10 @@ def find(model: str | Path, *, pictures: bool = True) -> Checkpoint:
     Raises:
         InputError: there is no such folder or model, or it is not a whole checkpoint; says which file is wrong.
     """
-    folder = Path(model).expanduser()
-    if folder.is_dir():
+    folder = home(model)
+    if os.path.isdir(folder):
         return inspect(folder, folder.resolve().name, pictures=pictures)
-    if folder.exists():
+    if os.path.exists(folder):
         raise InputError("is a file; wanted the folder of a checkpoint, with config.json in it", file=folder)
     if not _HUB_ID.fullmatch(str(model)):
         raise InputError("no such folder; wanted a checkpoint's, with config.json in it", file=folder.absolute())
@@ -66,7 +67,7 @@ def inspect(folder: Path, name: str, *, pictures: bool = True) -> Checkpoint:
     Raises:
         InputError: as `find`.
     """
-    config = read_json(folder / CONFIG, "wanted a checkpoint's folder, with config.json in it")
+    config = read_object(folder / CONFIG, "wanted a checkpoint's folder, with config.json in it")
     model_type = config.get("model_type")
     if not isinstance(model_type, str):
         raise InputError("says no model_type; wanted the config of a transformers checkpoint", file=folder / CONFIG)
@@ -82,7 +83,7 @@ def inspect(folder: Path, name: str, *, pictures: bool = True) -> Checkpoint:
         )
     for file in (folder / part for part in _JSON):
         if file.is_file():
-            read_json(file, "")
+            read_object(file, "")
     return Checkpoint(folder, name, model_type, sum(stored[kind] for kind in _HALF) * 2 > stored.total())
 
 
@@ -98,20 +99,20 @@ def check_safetensors(file: Path) -> Counter[str]:
         size = file.stat().st_size
         with file.open("rb") as stream:
             length = int.from_bytes(stream.read(8), "little")
-            if size < 8 or length > min(size - 8, _LARGEST_HEADER):
+            if size < 8 or length > min(size - 8, _LARGEST):
                 raise InputError(f"is cut off or no safetensors file ({size:,} bytes)", file=file)
-            header = json.loads(stream.read(length))
+            header = parse_json(stream.read(length))
         tensors = [value for key, value in header.items() if key != "__metadata__"]
-        end = 8 + length + max((int(tensor["data_offsets"][1]) for tensor in tensors), default=0)
+        end = 8 + length + max((_count(tensor["data_offsets"][1]) for tensor in tensors), default=0)
         stored: Counter[str] = Counter()
         for tensor in tensors:
             values = 1
             for extent in tensor["shape"]:
-                values *= int(extent)
+                values = _count(values * _count(extent))
             stored[str(tensor["dtype"])] += values
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError):
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError):
         raise InputError("is no safetensors file, or a damaged one: its header makes no sense", file=file) from None
     if size != end:
         what = "is cut off" if size < end else "is damaged"
@@ -119,23 +120,25 @@ def check_safetensors(file: Path) -> Counter[str]:
     return stored
 
 
-def read_json(file: Path, wanted: str) -> Mapping[str, Any]:
+def read_object(file: Path, wanted: str) -> Mapping[str, Any]:
     """The object in a JSON file.
 
     Raises:
         InputError: the file is missing (`wanted` says what it is there for), or holds no JSON object.
     """
-    try:
-        value = json.loads(file.read_text("utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"no such file; {wanted}", file=file) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"is not JSON ({error})", file=file) from None
+    if not file.exists():
+        raise InputError(f"no such file; {wanted}", file=file)
+    value = read_json(file, largest=_LARGEST)
     if not isinstance(value, dict):
         raise InputError("is not a JSON object", file=file)
     return value
+
+
+def _count(number: object) -> int:
+    """A number of bytes or values, of which no file has more than 64 bits can count."""
+    if type(number) is not int or not 0 <= number < 2**63:
+        raise ValueError(f"{number!r:.40} is no count")
+    return number
 
 
 def _weight_files(folder: Path) -> list[Path]:
@@ -145,14 +148,14 @@ def _weight_files(folder: Path) -> list[Path]:
         pickled = sorted(path.name for path in folder.glob("*.bin"))
         why = f"; {pickled[0]} is a pickle, which can run code, and is not read" if pickled else ""
         raise InputError(f"has no weights in safetensors (wanted {WEIGHTS} or {INDEX}){why}", file=folder)
-    names = read_json(folder / INDEX, "it lists the files of the weights").get("weight_map")
+    names = read_object(folder / INDEX, "it lists the files of the weights").get("weight_map")
     if not isinstance(names, dict) or not names or not all(isinstance(name, str) for name in names.values()):
         raise InputError("has no weight_map that names files", file=folder / INDEX)
     shards = [folder / name for name in sorted(set(names.values()))]
     for shard in shards:
         if shard.parent != folder:
             raise InputError(f"names {shard.name!r} outside of its folder", file=folder / INDEX)
-        if not shard.exists():
+        if not os.path.exists(shard):  # nor does a file whose name is too long or has a zero byte in it
             raise InputError(f"is missing, and {INDEX} names it", file=shard)
     return shards
 

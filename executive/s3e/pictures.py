@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from executive.errors import InputError
+from executive.files import reason
 from executive.types import Image
 
 LARGEST_FILE = 200_000_000
@@ -62,7 +63,7 @@ def _check_file(file: Path) -> None:
     except FileNotFoundError:
         raise InputError("there is no such file", file=file) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=file) from None
+        raise InputError(f"cannot be read ({reason(error)})", file=file) from None
     if file.is_dir():
         raise InputError("is a folder; wanted a picture", file=file)
     if not file.is_file():

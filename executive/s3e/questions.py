@@ -15,7 +15,6 @@ says:
 from __future__ import annotations
 
 import string
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import NoReturn, Protocol, runtime_checkable
 
 from executive.errors import DomainError, nearest
+from executive.files import read_text, read_toml
 from executive.s3e import prompts
 from executive.s3e.backend import TRUE_FALSE
 from executive.types import Atom, Questions, Task
@@ -57,12 +57,7 @@ class Templates:
             DomainError: the first mistake that can be seen without a task, in one line with file and key.
         """
         file = Path(path)
-        try:
-            tables = tomllib.loads(_read(file))
-        except tomllib.TOMLDecodeError as error:
-            raise DomainError(f"is not TOML: {error}", file=file) from None
-        except RecursionError:
-            raise DomainError("is not TOML that anyone would write: nested too deep", file=file) from None
+        tables = read_toml(file, mistake=DomainError)
         valid = ("questions", "objects")
         for name, table in tables.items():
             if name not in valid:
@@ -232,7 +227,7 @@ def load_instructions(path: str | Path) -> str:
         DomainError: it cannot be read, or says nothing.
     """
     file = Path(path)
-    text = _read(file).strip()
+    text = read_text(file, largest=LARGEST, mistake=DomainError).strip()
     if not text:
         raise DomainError("is empty: it says how things look, or is not there at all", file=file)
     if any(not (character.isprintable() or character in "\n\t") for character in text):
@@ -273,18 +268,3 @@ def _positions(known: Iterable[str]) -> dict[str, int]:
     names = tuple(known)
     positions = {name: index for index, name in enumerate(names) if names.count(name) == 1}
     return {**positions, **{str(index + 1): index for index in range(len(names))}}
-
-
-def _read(file: Path) -> str:
-    try:
-        with file.open("rb") as stream:
-            data = stream.read(LARGEST + 1)
-        if len(data) > LARGEST:
-            raise DomainError(f"has more than {LARGEST:,} bytes", file=file)
-        return data.decode("utf-8-sig")
-    except FileNotFoundError:
-        raise DomainError("there is no such file", file=file) from None
-    except UnicodeDecodeError as error:
-        raise DomainError(f"is not UTF-8 text ({error.reason} at byte {error.start})", file=file) from None
-    except (OSError, ValueError) as error:
-        raise DomainError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=file) from None

@@ -28,6 +28,8 @@ Encoding: TypeAlias = Literal["png", "jpeg"]
 
 _TOLERANCE = 1e-3
 """By how much probabilities that were rounded on the way may add up to more than 1."""
+_IMPOSSIBLE = -1000.0
+"""A logarithm whose probability is 0."""
 _NO_NUMBER = object()
 _VARIED = 0.7
 """The temperature of a reply that is to differ from the likeliest one."""
@@ -212,9 +214,9 @@ def _probability(logprob: object) -> float:
     """The probability, from its logarithm; servers write minus infinity in many ways (a huge negative number, null)."""
     if logprob is None:
         return 0.0
-    if isinstance(logprob, bool) or not isinstance(logprob, int | float) or math.isnan(logprob) or logprob > _TOLERANCE:
+    if isinstance(logprob, bool) or not isinstance(logprob, int | float) or not logprob <= _TOLERANCE:
         raise ReplyError(f"a log-probability in the reply is {logprob!r:.40}")
-    return math.exp(min(0.0, logprob))
+    return math.exp(min(0.0, max(_IMPOSSIBLE, logprob)))
 
 
 def _no_logprobs(reply: Any) -> ReplyError:

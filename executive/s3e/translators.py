@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from executive.errors import InputError
+from executive.files import read_json
 from executive.s3e import prompts
 from executive.s3e.questions import Templates, generic
 from executive.s3e.wording import Checker, tidy
@@ -214,16 +215,13 @@ class _Memory:
 
     def _load(self, file: Path) -> None:
         try:
-            if file.stat().st_size > _LARGEST:
-                raise ValueError(f"it has more than {_LARGEST:,} bytes")
-            data = json.loads(file.read_text(encoding="utf-8"))
-            replies = data["replies"]
+            replies = read_json(file, largest=_LARGEST)["replies"]
             for atom, texts in replies.items():
                 Atom.parse(atom)
                 if not isinstance(texts, list) or not all(text is None or isinstance(text, str) for text in texts):
                     raise ValueError(f"{atom}: expected a list of replies")
-        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-            why = getattr(error, "strerror", None) or error
+        except (InputError, ValueError, LookupError, TypeError, AttributeError) as error:
+            why = error.message if isinstance(error, InputError) else error
             self.warnings.append(
                 _line(f"{file}: no replies of a model can be read from it ({why}); the model is asked again")
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,8 +47,8 @@ def read_frames(path: Path | str, every: float) -> Iterator[tuple[float, Image]]
             f"to read a video, the extra {EXTRA!r} is missing",
             command=f"{sys.executable} -m pip install 'executive[{EXTRA}]'",
         ) from None
-    if not file.is_file():
-        raise InputError("is a folder; wanted a video" if file.is_dir() else "there is no such file", file=file)
+    if not os.path.isfile(file):
+        raise InputError("is a folder; wanted a video" if os.path.isdir(file) else "there is no such file", file=file)
     try:
         container = av.open(str(file), options={"format_whitelist": FORMATS}, metadata_errors="ignore")
     except (av.FFmpegError, ValueError, OSError) as error:

@@ -7,7 +7,6 @@ Lengths are in m, angles in rad unless a key says degrees, positions in the worl
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -15,6 +14,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from executive.errors import DomainError, nearest
+from executive.files import read_toml
 
 Vec3 = tuple[float, float, float]
 Colour = tuple[float, float, float, float]
@@ -162,16 +162,9 @@ def read_scene(file: Path) -> SceneSpec:
     Raises:
         DomainError: the file is missing, is no TOML, or a key is wrong; file and key are named.
     """
+    said = read_toml(file, mistake=DomainError)
     try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DomainError(f"cannot be read: {error}", file=file) from error
-    try:
-        return SceneSpec.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise DomainError(f"not valid TOML: {error}", file=file) from error
-    except RecursionError:
-        raise DomainError("is not TOML that anyone would write: nested too deep", file=file) from None
+        return SceneSpec.model_validate(said)
     except ValidationError as error:
         raise _explained(error, file) from error
 

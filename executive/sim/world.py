@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import heapq
 import io
 import itertools
 import weakref
-import zipfile
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from executive.errors import DomainError, InputError
+from executive.files import parse_arrays
 from executive.sim import mischief, placement, scene, scenery
 from executive.sim.drawing import Drawing, sensed
 from executive.sim.handle import ArmLimits, Handle
@@ -33,6 +34,10 @@ RATED_ACCELERATION = np.full(6, 8.0)
 """rad/s^2. The data sheet gives none; this keeps the servos well within their torque limits."""
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_NOT_WRITTEN_HERE = (
+    *(ValueError, LookupError, TypeError, AttributeError, OverflowError),
+    *(SyntaxError, RecursionError, MemoryError),  # of literals that are none
+)
 
 
 class MujocoWorld:
@@ -150,23 +155,23 @@ class MujocoWorld:
         Raises:
             InputError: the bytes are no snapshot of this scene.
         """
-        import ast
-
         try:
-            with np.load(io.BytesIO(snapshot), allow_pickle=False) as saved:
-                state, misplaced, closed = saved["state"], saved["misplaced"], float(saved["closed"])
-                forced, generators = (
-                    float(saved["forced_open_until"]),
-                    ast.literal_eval(saved["rng"].tobytes().decode()),
-                )
-        except (ValueError, KeyError, OSError, SyntaxError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError(f"not a snapshot of a world: {error}") from error
+            saved = parse_arrays(snapshot)
+            state, misplaced = saved["state"], saved["misplaced"].astype(float).reshape(3)
+            closed, forced = float(saved["closed"]), float(saved["forced_open_until"])
+            generators = [np.random.default_rng(0), np.random.default_rng(0)]
+            states = ast.literal_eval(saved["rng"].tobytes().decode())
+            for generator, state_of_it in zip(generators, states, strict=True):
+                generator.bit_generator.state = state_of_it
+        except _NOT_WRITTEN_HERE as error:
+            raise InputError(f"not a snapshot of a world: {error}") from None
         if state.shape != (mujoco.mj_stateSize(self.model, _STATE),):
             raise InputError("the snapshot is of another scene: its state has another size")
+        if state.dtype != np.float64 or not np.isfinite([*state, closed, forced]).all():
+            raise InputError("not a snapshot of a world: it has no numbers where they belong")
         mujoco.mj_setState(self.model, self.data, state, _STATE)
         mujoco.mj_forward(self.model, self.data)
-        for generator, saved_state in zip((self._placement_rng, self._noise_rng), generators, strict=True):
-            generator.bit_generator.state = saved_state
+        self._placement_rng, self._noise_rng = generators
         self._misplaced = None if np.isnan(misplaced).any() else misplaced
         self._forced_open_until, self._closed = forced, closed
         self._scheduled.clear()

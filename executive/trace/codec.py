@@ -76,8 +76,16 @@ def _expect(kinds: type | tuple[type, ...], name: str, data: JsonValue) -> Any:
     return data
 
 
+def _whole(data: JsonValue) -> int:
+    number: int = _expect(int, "a whole number", data)
+    if not -(2**63) <= number < 2**63:
+        raise ValueError("a number of more than 64 bits")
+    return number
+
+
 def _number(data: JsonValue) -> float:
-    return float(data) if data in ("nan", "inf", "-inf") else float(_expect((int, float), "a number", data))
+    number = float(data) if data in ("nan", "inf", "-inf") else _expect((int, float), "a number", data)
+    return float(number if isinstance(number, float) else _whole(number))
 
 
 def _array(data: JsonValue) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -125,7 +133,7 @@ _LEAVES: Mapping[Any, Callable[[JsonValue], Any]] = {
     Any: lambda data: data,
     str: functools.partial(_expect, str, "a text"),
     bool: functools.partial(_expect, bool, "true or false"),
-    int: functools.partial(_expect, int, "a whole number"),
+    int: _whole,
     float: _number,
     Atom: lambda data: Atom.parse(_expect(str, "an atom", data)),
     Facts: lambda data: Facts.parse(*(_expect(str, "a literal", item) for item in _expect(list, "a list", data))),

@@ -25,6 +25,7 @@ from urllib.parse import quote
 import numpy as np
 
 from executive.errors import InputError, nearest
+from executive.files import parse_json, reason
 from executive.trace.codec import RECORDED, JsonValue, decode, encode
 from executive.trace.pictures import read_picture, to_jpeg
 from executive.types import Decision, Ended, Event, Image, Motion, Observation, Resumed, Started
@@ -159,19 +160,19 @@ def read_events(run: Path | str, images: bool = True) -> Iterator[Event]:
         InputError: no such file, or a line that is not an event of this format; file and line are named.
     """
     path = Path(run)
-    path = path / EVENTS_FILE if path.is_dir() else path
+    path = path / EVENTS_FILE if os.path.isdir(path) else path
     try:
         file = path.open("rb")
-    except OSError as error:
-        raise InputError(f"no record of a run ({error.strerror})", file=path) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"no record of a run ({reason(error)})", file=path) from None
     with file:
         for number, line in enumerate(file, start=1):
             if not line.endswith(b"\n"):
                 return
             try:
                 yield _event(line, path.parent, images)
-            except (ValueError, OverflowError, RecursionError) as error:
-                raise InputError(str(error) or type(error).__name__, file=path, key=f"line {number}") from None
+            except ValueError as error:
+                raise InputError(str(error), file=path, key=f"line {number}") from None
 
 
 def _event(line: bytes, folder: Path, images: bool) -> Event:
@@ -194,8 +195,8 @@ def _event(line: bytes, folder: Path, images: bool) -> Event:
 
 def _record(line: bytes) -> dict[str, Any]:
     try:
-        record = json.loads(line)
-    except (ValueError, RecursionError):
+        record = parse_json(line)
+    except ValueError:
         raise ValueError("not a JSON object; is this a record of a run?") from None
     version = record.get("v") if isinstance(record, dict) else None
     if not isinstance(version, int) or isinstance(version, bool):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executive.errors import InputError, nearest
+from executive.files import read_json
 from executive.monitor import ActionModel, Chances, Eye, FusedMonitor, Group, Monitor, Network, PlainMonitor, Thresholds
 from executive.trace.codec import decode, encode
 from executive.trace.whole import write_whole
@@ -58,21 +59,17 @@ def load(run: Path | str, atoms: Sequence[Atom]) -> Monitor:
         InputError: there is none in its folder, or a damaged one.
     """
     file = Path(run) / FILE
+    if not file.exists():
+        raise InputError("is missing: it is not known what was made of the run's looks", file=file)
+    said = read_json(file, largest=_LARGEST)
     try:
-        with file.open("rb") as stream:
-            text = stream.read(_LARGEST + 1)
-        said = json.loads(text[:_LARGEST])
         if not isinstance(said, dict) or said.get("format") != _FORMAT:
             raise ValueError(f"expected format {_FORMAT}")
         if said.get("kind") not in _KINDS:
             raise ValueError(f"no monitor {said.get('kind')!r}; {nearest(str(said.get('kind')), _KINDS)}")
         kept = decode(_KINDS[said["kind"]], said)
         return PlainMonitor(atoms, kept.thresholds) if isinstance(kept, _Plain) else _monitor(kept, atoms)
-    except FileNotFoundError:
-        raise InputError("is missing: it is not known what was made of the run's looks", file=file) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise InputError(f"is damaged: {error}", file=file) from None
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from executive.domain import Domain, list_domains, load_domain, load_subject
 from executive.errors import DomainError
-from executive.manifest import LARGEST
+from executive.files import LARGEST
 
 ROOT = Path(__file__).resolve().parents[2]
 TRAY = ROOT / "tests" / "domains" / "tray"

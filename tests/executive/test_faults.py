@@ -549,8 +549,8 @@ def test_the_same_in_a_file(tmp_path: Path) -> None:
         ('faults = ["drop@1"', "is not TOML"),
         ('fault = ["drop@1"]', "fault: unknown key; did you mean 'faults'?"),
         ("faults = " + "[" * 100_000, "is not TOML"),
-        ("faults = []" + " " * 1_000_000, "is larger than 1,000,000 bytes"),
-        ("\ud800", "is not TOML"),
+        ("faults = []" + " " * 1_000_000, "has more than 1,000,000 bytes"),
+        ("\ud800", "is not UTF-8 text"),
     ],
 )
 def test_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path, text: str, message: str) -> None:

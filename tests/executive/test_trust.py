@@ -152,7 +152,7 @@ def test_a_damaged_file_is_one_line_with_file_and_key(tmp_path: Path, old: str, 
 
 
 def test_a_file_that_is_not_there_or_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="there is no such file"):
         load(tmp_path / "none.json", "d")
     (tmp_path / "in-the-way").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
@@ -248,10 +248,10 @@ def test_a_monitor_is_put_together_from_a_few_words(model: EyeConfig) -> None:
     ("config", "looking", "words"),
     [
         ({"alpha": 0.1}, "oracle", "--alpha: is for an eye that errs"),
-        ({"trust": Path("none.json")}, "oracle", "none.json: cannot be read"),
+        ({"trust": Path("none.json")}, "oracle", "none.json: there is no such file"),
         ({"alpha": 0.1}, "elsewhere", "--alpha: it is not known how often this eye errs: there is no trust.json"),
         ({"alpha": 0.001}, "model", "--alpha: an error rate of 0.001 takes at least 999 calibration looks"),
-        ({"trust": Path("none.json")}, "model", "none.json: cannot be read"),
+        ({"trust": Path("none.json")}, "model", "none.json: there is no such file"),
     ],
 )
 def test_what_does_not_go_together_is_said_in_one_line(

@@ -20,6 +20,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ValidationError
 
 from executive.errors import InputError, nearest
+from executive.files import read_json
 from executive.lab.campaign.crew import Crew
 from executive.lab.campaign.design import Campaign, Episode
 from executive.lab.campaign.episode import FAILED, Row
@@ -159,12 +160,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         InputError: there is no campaign in it, or the file is damaged.
     """
     file = folder / MANIFEST
+    if not os.path.exists(file):
+        raise InputError(f"holds no campaign: it has no {MANIFEST}", file=folder)
+    said = read_json(file)
     try:
-        return _Manifest.model_validate_json(file.read_bytes()).model_dump()
-    except FileNotFoundError:
-        raise InputError(f"holds no campaign: it has no {MANIFEST}", file=folder) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
+        return _Manifest.model_validate(said).model_dump()
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"])) or None

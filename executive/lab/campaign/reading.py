@@ -29,8 +29,8 @@ with a monitor. One that does not look has no monitor, and is one contender.
 from __future__ import annotations
 
 import hashlib
+import os
 import reprlib
-import tomllib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -43,11 +43,12 @@ from executive.assemble import ESTIMATORS, parse_faults
 from executive.domain import load_domain
 from executive.errors import InputError, nearest
 from executive.eye import EyeConfig, settled
+from executive.files import home, read_toml
 from executive.lab.campaign.design import Campaign, Contender, Episode, Place
 from executive.monitoring import PRESETS, MonitorConfig, preset
 
 LARGEST = 1_000_000
-"""Bytes of a campaign's file, and episodes of a campaign."""
+"""Episodes of a campaign."""
 
 _HEAD = 1 << 20
 """Bytes of each of a model's files that tell it from another model."""
@@ -135,18 +136,11 @@ _TABLES: Mapping[str, type[_Table]] = {"domains": _Domain, "estimators": _Estima
 class _Reader:
     def __init__(self, file: Path) -> None:
         self._path = file
+        said = read_toml(file)
         try:
-            with file.open("rb") as stream:
-                data = stream.read(LARGEST + 1)
-            if len(data) > LARGEST:
-                raise InputError(f"has more than {LARGEST:,} bytes, which no campaign has", file=file)
-            self._said = _File.model_validate(tomllib.loads(data.decode()))
-        except OSError as error:
-            raise InputError(f"cannot be read ({error.strerror})", file=file) from None
+            self._said = _File.model_validate(said)
         except ValidationError as error:
             self._misread(error)
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"is not TOML: {error}", file=file) from None
 
     def campaign(self) -> Campaign:
         said = self._said
@@ -240,7 +234,7 @@ class _Reader:
             with suppress(InputError):  # no model comes with the domain; `check` says so when one is needed
                 found = settled(eye, load_domain(str(self._beside(place.domain))).subject)
                 folders[found.vlm] = found.server is None
-        digests = (model_digest(Path(folder).expanduser()) for folder, here in folders.items() if folder and here)
+        digests = (model_digest(home(folder)) for folder, here in folders.items() if folder and here)
         return eye, " ".join(filter(None, digests))
 
     def _judge(self, name: str, said: _Monitor) -> MonitorConfig:
@@ -258,7 +252,7 @@ class _Reader:
     def _beside(self, name: str) -> Path:
         """What lies beside the campaign's file, if it is there; else what a command line would mean by it."""
         there = self._path.parent / name
-        return there if there.exists() else Path(name)
+        return there if os.path.exists(there) else Path(name)
 
     def _misread(self, error: ValidationError) -> NoReturn:
         # A misspelt key is also a missing one: the first is what to say.
@@ -279,7 +273,7 @@ class _Reader:
 def model_digest(folder: Path) -> str:
     """Tells a model from another one in the same folder, without reading all of it: names, sizes, and how each file
     begins. Nothing for a model that is elsewhere."""
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         return ""
     content = hashlib.sha256()
     for file in sorted(path for path in folder.iterdir() if path.is_file()):

@@ -11,15 +11,13 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
 from executive.errors import InputError
+from executive.files import parse_json
 from executive.lab.campaign.episode import Row
 from executive.lab.dataset import write_atomically
-from executive.trace.codec import encode
+from executive.trace.codec import decode, encode
 
 FILE = "episodes.jsonl"
-_ROW: TypeAdapter[Row] = TypeAdapter(Row)
 
 
 class Rows:
@@ -78,15 +76,15 @@ def read_rows(folder: Path, damaged: Callable[[str], None]) -> dict[tuple[str, .
     """
     path, rows = folder / FILE, dict[tuple[str, ...], Row]()
     try:
-        lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
+        lines = path.read_bytes().splitlines(keepends=True) if os.path.exists(path) else []
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", file=path) from None
     for number, line in enumerate(lines, start=1):
         if not line.endswith(b"\n"):
             break
         try:
-            row = _ROW.validate_python(json.loads(line))
-        except (ValueError, ValidationError, RecursionError):
+            row = decode(Row, parse_json(line))
+        except ValueError:
             damaged(f"{path}: line {number}: is damaged")
             continue
         rows[row.key] = row

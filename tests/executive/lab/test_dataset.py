@@ -123,10 +123,10 @@ def test_what_is_not_finished_is_not_read(tmp_path: Path) -> None:
     ("text", "message"),
     [
         (None, "is no collection"),
-        ("{", "cannot be read"),
-        ("[]", "cannot be read"),
+        ("{", "is not JSON"),
+        ("[]", "is of format None"),
         ('{"format": 99}', "is of format 99"),
-        (f'{{"format": {dataset.FORMAT}}}', "lacks atoms"),
+        (f'{{"format": {dataset.FORMAT}}}', "collection is missing"),
     ],
 )
 def test_a_manifest_that_is_none_is_named(tmp_path: Path, text: str | None, message: str) -> None:

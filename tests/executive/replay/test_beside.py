@@ -124,7 +124,8 @@ def test_an_unfinished_run_is_replayed_as_far_as_it_goes(
         (lambda run: (run / EVENTS_FILE).write_text(""), "these events are no run: none of them starts it"),
         (lambda run: (run / EVENTS_FILE).write_text("\x00\x01\n"), "line 1: not a JSON object"),
         (lambda run: (run / monitors.FILE).unlink(), "monitor.json: is missing"),
-        (lambda run: (run / monitors.FILE).write_text("[[["), "monitor.json: is damaged"),
+        (lambda run: (run / monitors.FILE).write_text("[[["), "monitor.json: is not JSON"),
+        (lambda run: (run / monitors.FILE).write_text("[]"), "monitor.json: is damaged"),
         (lambda run: (run / monitors.FILE).write_text('{"format": 1, "kind": "fussed"}'), "did you mean 'fused'?"),
     ],
 )

@@ -275,7 +275,7 @@ def test_a_bad_file_is_one_line(tmp_path: Path, text: str, said: str) -> None:
 
 
 def test_no_file_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="there is no such file"):
         Calibration.load(tmp_path)
     (tmp_path / FILE).write_bytes(b"\xff\xfe")
     with pytest.raises(InputError, match="is not JSON"):

@@ -139,7 +139,13 @@ def decisions(draw: st.DrawFn) -> Decision:
 
 RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
     Started: st.builds(
-        Started, names, names, tasks(), texts, st.integers(), st.dictionaries(texts, json_values, max_size=3)
+        Started,
+        names,
+        names,
+        tasks(),
+        texts,
+        st.integers(-(2**63), 2**63 - 1),
+        st.dictionaries(texts, json_values, max_size=3),
     ),
     Resumed: st.builds(Resumed, counts, counts, counts, counts, counts, seconds),
     Questions: st.builds(

@@ -264,7 +264,7 @@ def test_the_command_line_reports_and_compares(folder: Path, capsys: pytest.Capt
         (["x.toml", "--report", "y"], "name a campaign's file, or a folder"),
         (["x.toml", "--engine", "rey"], "--engine: no engine 'rey'; did you mean 'ray'?"),
         (["x.toml", "--address", "auto"], "--address: goes with --engine ray"),
-        (["no-such.toml"], "no-such.toml: cannot be read"),
+        (["no-such.toml"], "no-such.toml: there is no such file"),
         (["--report", "no-such"], "no-such: holds no campaign"),
     ],
 )

@@ -1,0 +1,200 @@
+"""Files from anywhere, read as bytes, text, TOML, JSON or arrays. Whatever is wrong with one is one line with its name.
+
+What comes out can be handled without care: it is no larger than honest files are, nested no deeper than `DEEPEST`, and
+a whole number in TOML takes 64 bits at most, as its specification has it. (JSON knows no such limit, and files of other
+people's programs make use of that.)
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import struct
+import sys
+import tokenize
+import tomllib
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from executive.errors import InputError
+
+LARGEST, LARGEST_TOML = 10_000_000, 1_000_000
+"""Bytes, unless a reader says otherwise. Reading TOML takes seconds for each million of them."""
+
+DEEPEST = 100
+"""How many lists and tables may be nested in each other."""
+
+_LONG_KEY = re.compile(rf"""(?<![\w.\-])(?:(?:[\w\-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
+"""A key of so many parts takes `tomllib` time that grows with the square of their number."""
+
+
+def read_bytes(file: Path, *, largest: int = LARGEST, mistake: type[InputError] = InputError) -> bytes:
+    """A file's content.
+
+    Args:
+        largest: how many bytes it may have.
+        mistake: what is raised.
+
+    Raises:
+        InputError: there is no such file, it cannot be read, or it is larger.
+    """
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(largest + 1)
+    except FileNotFoundError:
+        raise mistake("there is no such file", file=file) from None
+    except (OSError, ValueError) as error:  # a zero byte in a path is a ValueError
+        raise mistake(f"cannot be read ({reason(error)})", file=file) from None
+    if len(data) > largest:
+        raise mistake(f"has more than {largest:,} bytes, which no such file has", file=file)
+    return data
+
+
+def read_text(file: Path, *, largest: int = LARGEST, mistake: type[InputError] = InputError) -> str:
+    r"""A text file's content, in UTF-8 with or without a mark at its beginning; lines end with `\n`.
+
+    Raises:
+        InputError: as `read_bytes`, or it is not UTF-8.
+    """
+    try:
+        text = read_bytes(file, largest=largest, mistake=mistake).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise mistake(f"is not UTF-8 text ({error.reason} at byte {error.start})", file=file) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_toml(file: Path, *, largest: int = LARGEST_TOML, mistake: type[InputError] = InputError) -> dict[str, Any]:
+    """A TOML file's table.
+
+    Raises:
+        InputError: as `read_text`, or it is not TOML.
+    """
+    return parse_toml(read_text(file, largest=largest, mistake=mistake), file, mistake=mistake)
+
+
+def parse_toml(text: str, file: Path, *, mistake: type[InputError] = InputError) -> dict[str, Any]:
+    """The table in a text that was read from `file`.
+
+    Raises:
+        InputError: it is not TOML.
+    """
+    deep = "is not TOML that anyone would write: nested too deep"
+    if (key := _LONG_KEY.search(text)) is not None:
+        raise mistake(deep, file=file, key=f"line {_line(text, key.start())}")
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise mistake(f"is not TOML: {error}", file=file) from None
+    except RecursionError:
+        raise mistake(deep, file=file) from None
+    except ValueError as error:
+        raise mistake(f"is not TOML: {_long_number(text) or error}", file=file) from None
+    if _is_deep(table):
+        raise mistake(deep, file=file)
+    for key_of, number in _whole_numbers(table):
+        if not -(2**63) <= number < 2**63:
+            raise mistake("is not TOML: a number of more than 64 bits", file=file, key=key_of)
+    return table
+
+
+def read_json(file: Path, *, largest: int = LARGEST, mistake: type[InputError] = InputError) -> Any:
+    """A JSON file's value.
+
+    Raises:
+        InputError: as `read_bytes`, or it is not JSON.
+    """
+    data = read_bytes(file, largest=largest, mistake=mistake)
+    try:
+        return parse_json(data)
+    except ValueError as error:
+        raise mistake(f"is not JSON ({error})", file=file) from None
+
+
+def parse_json(data: bytes | str) -> Any:
+    """The value in a JSON text.
+
+    Raises:
+        ValueError: it is not JSON.
+    """
+    try:
+        value = json.loads(data)
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        raise
+    except RecursionError:
+        raise ValueError("nested too deep") from None
+    except ValueError as error:
+        text = data if isinstance(data, str) else data.decode(errors="replace")
+        raise ValueError(_long_number(text) or str(error)) from None
+    if _is_deep(value):
+        raise ValueError("nested too deep")
+    return value
+
+
+def parse_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
+    """The arrays in a file that `numpy.savez` wrote, by name. Nothing in it is run.
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as kept:
+            arrays = {name: kept[name] for name in kept.files}
+    except (
+        *(OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, MemoryError, SyntaxError),
+        *(NotImplementedError, RuntimeError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+    ) as error:  # NumPy and zipfile raise all of these for what they did not write
+        raise ValueError(reason(error)) from None
+    return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
+
+
+def home(path: str | Path) -> Path:
+    """The path, `~` being what a shell takes it for; as it is where there is no such home."""
+    try:
+        return Path(os.path.expanduser(path))
+    except ValueError:  # a zero byte in the user's name
+        return Path(path)
+
+
+def reason(error: Exception) -> str:
+    """What the system, or else Python, says of an error."""
+    return str(getattr(error, "strerror", None) or error or type(error).__name__)
+
+
+def _is_deep(value: Any) -> bool:
+    level = [value] if isinstance(value, dict | list) else []
+    for _ in range(DEEPEST):
+        inner = [outer.values() if isinstance(outer, dict) else outer for outer in level]
+        level = [each for values in inner for each in values if isinstance(each, dict | list)]
+        if not level:
+            return False
+    return True
+
+
+def _whole_numbers(value: Any, key: str = "") -> Iterator[tuple[str, int]]:
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _whole_numbers(inner, f"{key}.{name}" if key else name)
+    elif isinstance(value, list):
+        for number, inner in enumerate(value):
+            yield from _whole_numbers(inner, f"{key}[{number}]")
+    elif isinstance(value, int):
+        yield key, value
+
+
+def _long_number(text: str) -> str:
+    """What Python has against a number of thousands of digits: the time that it would take."""
+    most = sys.get_int_max_str_digits()
+    found = re.search(rf"\d[\d_]{{{most},}}+", text)
+    return "" if found is None else f"a number of more than {most:,} digits (at line {_line(text, found.start())})"
+
+
+def _line(text: str, at: int) -> int:
+    return text.count("\n", 0, at) + 1
