@@ -53,8 +53,7 @@ class Course:
     `todo` are the positions of the plan's steps that are left, `attempt` counts the tries at the first of them, and
     `report` is what the skill of this cycle said. `failures` counts how often a step failed from the same known facts;
     `stuck` are the steps that were given up on, and what was known then; `given_up_why` is why some of the goal was
-    given up last. `redone` are literals of the goal that were never sure and were brought about once more, to be
-    sure. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
+    given up last. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
     loop, an *action* a dispatched step, a *replan* a plan that was taken up after the first.
     """
 
@@ -76,7 +75,6 @@ class Course:
     failures: Mapping[tuple[Step, Facts], int] = field(default_factory=lambda: MappingProxyType({}))
     stuck: Mapping[Step, Facts] = field(default_factory=lambda: MappingProxyType({}))
     given_up_why: str = ""
-    redone: frozenset[Atom] = frozenset()
     since: Resumed | None = None
 
     @property
@@ -222,14 +220,6 @@ class Course:
     def whole_goal_seen(self) -> Course:
         """What was given up is gone for again, if all of the goal is seen to hold."""
         return replace(self, goal=self.task.goal) if self.seen.entails(self.task.goal) else self
-
-    def supposing(self, state: Facts, doubted: Atom) -> Course:
-        """From here on it is done as if `state` held, though another one is more probable: what was in doubt is sure
-        once that has been carried out."""
-        if self.judgement is None:
-            raise ValueError("nobody has looked yet")
-        judgement = replace(self.judgement, state=state)
-        return replace(self, known=state, judgement=judgement, redone=self.redone | {doubted})
 
     def giving_up(self, why: str) -> Course:
         """Some of the goal is about to be left out of what is planned for."""
