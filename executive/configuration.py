@@ -76,7 +76,7 @@ class RunConfig:
         for name in ("seed", "max_replans", "max_actions", "max_cycles", "max_looks", "max_looks_again"):
             value, key = getattr(self, name), f"--{name.replace('_', '-')}"
             if value is not None and not 0 <= value < 2**63:  # TOML has no larger ones
-                raise InputError(f"a number from 0 on, of 64 bits at most, not {value}", key=key)
+                raise InputError(f"{value} is not a number from 0 to 2^63 - 1", key=key)
         if self.max_seconds is not None and not 0.0 <= self.max_seconds < math.inf:
             raise InputError(f"seconds from zero on, not {self.max_seconds}", key="--max-seconds")
         if self.max_questions is not None and self.max_questions < 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from dataclasses import dataclass
@@ -34,7 +35,7 @@ def create(name: str, parent: Path = Path()) -> Created:
         InputError: the name cannot be a domain's, is taken, or the folder cannot be made.
     """
     folder = parent / checked(name)
-    if not parent.is_dir():
+    if not os.path.isdir(parent):
         raise InputError("there is no such folder", file="--in", key=str(parent))
     try:
         folder.mkdir()

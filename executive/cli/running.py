@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import os
 import re
 import shlex
 import sys
@@ -239,7 +240,7 @@ def inspect(
         document = {"run": str(folder), "address": address}
         print(json.dumps(document) if as_json else f"{address}   (Ctrl-C ends it)", flush=True)
 
-    if png is not None and not png.resolve().parent.is_dir():
+    if png is not None and not os.path.isdir(png.parent):
         raise InputError("there is no such folder", file="--png", key=str(png.parent))
     with waiting(sys.stderr, "reading the events"):
         ensure_trace(folder)
@@ -266,7 +267,7 @@ def _moment(text: str) -> tuple[int | None, float | None]:
 def run_folder(run: str, runs: Path = Path("runs")) -> Path:
     """The folder of a run, given that folder or its name in `runs`."""
     for folder in (Path(run), runs / run):
-        if folder.exists():
+        if os.path.exists(folder):
             return folder
     made = [folder.name for folder in completion.latest(runs)]
     if not made:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -64,7 +65,7 @@ def estimate(
     images = estimating.read_images(image or [])
     frames = read_frames(video, every) if video is not None else iter(())
     config = EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration)
-    if not out.is_dir():
+    if not os.path.isdir(out):
         raise InputError("there is no such folder", file="--out", key=str(out))
     session = estimating.Session(domain, problem, config, atoms or (), question or ())
     for warning in session.warnings:

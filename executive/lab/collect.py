@@ -226,9 +226,9 @@ class Collection:
 
     def _check_folder(self) -> None:
         out = self.config.out
-        if out.exists() and not out.is_dir():
+        if os.path.exists(out) and not out.is_dir():
             raise InputError("is not a folder", file=out)
-        if not out.exists() or all(entry.name.startswith(".") for entry in out.iterdir()):
+        if not os.path.exists(out) or all(entry.name.startswith(".") for entry in out.iterdir()):
             return
         if not (out / dataset.MANIFEST).exists():
             raise InputError(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
 import shlex
 import signal
 import time
@@ -167,14 +168,14 @@ class Training:
 
     def _check_folder(self) -> None:
         out, what = self.config.out, self._described()
-        if out.exists() and not out.is_dir():
+        if os.path.exists(out) and not out.is_dir():
             raise InputError("is not a folder", file=out)
         file = out / MANIFEST
-        if file.exists():
+        if os.path.exists(file):
             if read_json(file) != what:
                 raise InputError("holds another training; choose another folder with --out", file=out)
             return
-        if out.exists() and any(not entry.name.startswith(".") for entry in out.iterdir()):
+        if os.path.exists(out) and any(not entry.name.startswith(".") for entry in out.iterdir()):
             raise InputError(f"is not empty and holds no training (no {MANIFEST}); choose another folder", file=out)
         try:
             out.mkdir(parents=True, exist_ok=True)

@@ -194,9 +194,9 @@ def _what(campaign: Campaign) -> dict[str, Any]:
 
 
 def _check_folder(out: Path, what: Mapping[str, Any]) -> None:
-    if out.exists() and not out.is_dir():
+    if os.path.exists(out) and not out.is_dir():
         raise InputError("is not a folder", file=out)
-    if not out.exists() or all(entry.name.startswith(".") for entry in out.iterdir()):
+    if not os.path.exists(out) or all(entry.name.startswith(".") for entry in out.iterdir()):
         return
     if not (out / MANIFEST).exists():
         message = f"is not empty and holds no campaign (no {MANIFEST}); choose another folder with --out"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
@@ -133,7 +134,7 @@ class _Opened(NamedTuple):
 
 def _opened(what: str) -> _Opened:
     folder, contender = what, None
-    if not Path(what).is_dir() and ":" in what:
+    if not os.path.isdir(what) and ":" in what:
         folder, _, contender = what.rpartition(":")
     results = load_results(Path(folder))
     if contender is not None and contender not in results.contenders:
