@@ -24,8 +24,9 @@ CONFIG = RunConfig(
 )
 
 
-def test_23_interrupted_in_the_third_action_it_goes_on_from_there(tmp_path: Path) -> None:
-    config = replace(CONFIG, runs=tmp_path, faults=("shove:item=lemon@1", "drop@6"))
+@pytest.mark.parametrize("estimator", ["oracle", "vlm"])
+def test_23_interrupted_in_the_third_action_it_goes_on_from_there(estimator: str, tmp_path: Path) -> None:
+    config = replace(CONFIG, runs=tmp_path, faults=("shove:item=lemon@1", "drop@6"), estimator=estimator)
     watching = Recorder()
     with Run(config, [watching]) as run:
         dispatch = run.executive.skills["pick"]

@@ -1,8 +1,7 @@
 """The situations that other executives get wrong, each decided with a scripted estimator in milliseconds.
 
-The numbers are those of the project's list of scenarios. What takes more than a scripted estimator is held elsewhere: 3
-and 26 have tests of their own (`test_guard`, `test_looking`), 23 and 24 are resume and replay, and 12, 16, 19 and 22
-also ask something of the model's server, the planner's processes, motion planning and the domain's loader.
+The numbers are those of the project's list of scenarios. What takes more than a scripted estimator is held elsewhere;
+`test_scenarios_covered` says where.
 """
 
 from __future__ import annotations
