@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from executive.monitor.actions import instance
 from executive.types import Atom, Image, Step
 
 DOUBTFUL = 0.02
@@ -56,10 +57,7 @@ class Attention:
 
     def held(self, step: Step) -> Atom | None:
         """What is to be true while the step's skill carries something."""
-        if step.action not in self.carried:
-            return None
-        predicate, positions = self.carried[step.action]
-        return Atom(predicate, tuple(step.args[position] for position in positions))
+        return instance(self.carried, step)
 
 
 def questions(

@@ -52,8 +52,9 @@ class Course:
     told or ever seen, as they are believed now. `source` is the last look that asked about an atom, with its cameras.
     `todo` are the positions of the plan's steps that are left, `attempt` counts the tries at the first of them, and
     `report` is what the skill of this cycle said. `failures` counts how often a step failed from the same known facts;
-    `stuck` are the steps that were given up on, and what was known then; `given_up_why` is why some of the goal was
-    given up last. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
+    `stuck` are the steps that were given up on, with what was known before and after; `given_up_why` is why some of the goal was
+    given up last. `redone` are literals of the goal that were never sure and were brought about once more, to be
+    sure. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
     loop, an *action* a dispatched step, a *replan* a plan that was taken up after the first.
     """
 
@@ -73,8 +74,9 @@ class Course:
     replans: int = 0
     looks: int = 0
     failures: Mapping[tuple[Step, Facts], int] = field(default_factory=lambda: MappingProxyType({}))
-    stuck: Mapping[Step, Facts] = field(default_factory=lambda: MappingProxyType({}))
+    stuck: frozenset[tuple[Step, Facts]] = frozenset()
     given_up_why: str = ""
+    redone: frozenset[Atom] = frozenset()
     since: Resumed | None = None
 
     @property
@@ -109,14 +111,14 @@ class Course:
     @property
     def is_stuck(self) -> bool:
         """Whether a step was given up on when just this was known."""
-        return self.known in self.stuck.values()
+        return any(known == self.known for _, known in self.stuck)
 
     def failed_before(self, step: Step, known: Facts) -> int:
         return self.failures.get((step, known), 0)
 
     def leads_nowhere(self, plan: Plan) -> bool:
         """Whether the plan hangs on a step that was given up on when just this was known."""
-        return any(self.stuck.get(step) == self.known for step in plan.steps)
+        return any((step, self.known) in self.stuck for step in plan.steps)
 
     def questions(self, most: int) -> tuple[Atom, ...]:
         """What a look at this moment should ask about: what the last step changed, what the next one needs, what is in
@@ -221,6 +223,14 @@ class Course:
         """What was given up is gone for again, if all of the goal is seen to hold."""
         return replace(self, goal=self.task.goal) if self.seen.entails(self.task.goal) else self
 
+    def supposing(self, state: Facts, doubted: Atom) -> Course:
+        """From here on it is done as if `state` held, though another one is more probable: what was in doubt is sure
+        once that has been carried out."""
+        if self.judgement is None:
+            raise ValueError("nobody has looked yet")
+        judgement = replace(self.judgement, state=state)
+        return replace(self, known=state, judgement=judgement, redone=self.redone | {doubted})
+
     def giving_up(self, why: str) -> Course:
         """Some of the goal is about to be left out of what is planned for."""
         return replace(self, given_up_why=why)
@@ -253,8 +263,8 @@ class Course:
     def failed(self, step: Step, known: Facts, decision: Decision) -> Course:
         """The step failed when `known` was known."""
         failures = {**self.failures, (step, known): self.failed_before(step, known) + 1}
-        stuck = {**self.stuck, step: self.known} if decision.kind is DecisionKind.GIVE_UP_GOAL else self.stuck
-        return replace(self, failures=MappingProxyType(failures), stuck=MappingProxyType(dict(stuck)))
+        stuck = {(step, known), (step, self.known)} if decision.kind is DecisionKind.GIVE_UP_GOAL else frozenset()
+        return replace(self, failures=MappingProxyType(failures), stuck=self.stuck | stuck)
 
     # What it amounts to.
 

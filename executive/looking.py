@@ -89,6 +89,10 @@ class Looker:
         self._answered = []
         return course.acted(result, self._monitor.acted(course.memory, result.step, result))
 
+    def otherwise(self, course: Course, atom: Atom) -> Facts | None:
+        """What is most probable if an atom is not what it is believed to be."""
+        return self._monitor.otherwise(course.memory, atom)
+
     def waited(self, course: Course) -> Course:
         """Time went by in which the world may have changed."""
         self._answered = []

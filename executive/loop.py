@@ -18,7 +18,7 @@ from executive.course import Course
 from executive.errors import InputError
 from executive.looking import Looker
 from executive.monitor import Monitor, PlainMonitor
-from executive.policy import Settings
+from executive.policy import Redo, Settings
 from executive.protocols import Estimator, FaultSource, Planner, Sink, Skill, World
 from executive.session import Session
 from executive.types import (
@@ -204,10 +204,29 @@ class Executive:
             verdict = self._compare("goal", course.goal, course.claimable(self.settings.claim))
             plan = self._probe(course.task.goal) if verdict.satisfied and course.given_up else None
             unsure, dropped = course.unsure_of_goal(self.settings.sure), course.dropped(plan)
-            decision = self._decide(policy.finish(course.goal, verdict, unsure, checks, dropped, self.settings))
+            redo = self._redo(verdict) if checks > self.settings.max_looks_again else None
+            decision = self._decide(policy.finish(course.goal, verdict, unsure, checks, dropped, self.settings, redo))
+            if decision.kind is DecisionKind.REPLAN and redo is not None:
+                self.course = course.supposing(redo.state, redo.doubted)
+                return self._take_up(redo.plan, course.goal)
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision if plan is None else self._take_up(plan, course.task.goal)
             self.course, checks = self._looker.again(course, cause, decision.evidence), checks + 1
+
+    def _redo(self, verdict: Verdict) -> Redo | None:
+        """How to make sure of a literal of the goal that looks speak for, and never enough; each is tried once."""
+        course, judgement = self.course, self.course.judgement
+        answered = judgement.belief.probability if judgement else {}
+        doubted = [atom for atom in sorted(verdict.unknown & answered.keys()) if atom not in course.redone]
+        if verdict.violated or not verdict.holds or not doubted:
+            return None
+        state = self._looker.otherwise(course, doubted[0])
+        if state is None or state.entails(course.goal):
+            return None
+        with self._session.stage("plan"):
+            plan = self.planner.plan(state, course.goal)
+        self._emit(Probed(course.goal, None, plan) if isinstance(plan, NoPlan) else Probed(course.goal, plan))
+        return None if isinstance(plan, NoPlan) else Redo(doubted[0], state, plan)
 
     def _give_up(self, cause: Decision) -> Decision:
         """Leave out of the goal what cannot be reached, and go for the rest."""

@@ -77,7 +77,8 @@ def open_monitor(config: MonitorConfig, domain: Domain, eye: EyeConfig | None) -
     counts = {} if domain.outcomes is None else trust.load_outcomes(domain.outcomes, domain.parsed.actions)
     worth, thresholds = _eye(config, domain, eye)
     network = Network(domain.task.atoms, find_mutexes(domain.parsed).groups)
-    return FusedMonitor(network, worth, ActionModel(counts) if config.memory else None, thresholds)
+    actions = ActionModel(counts) if config.memory else None
+    return FusedMonitor(network, worth, actions, thresholds, domain.looking.carried)
 
 
 def _eye(config: MonitorConfig, domain: Domain, eye: EyeConfig | None) -> tuple[Eye, Mapping[str, Thresholds]]:

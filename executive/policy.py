@@ -119,6 +119,21 @@ class Dropped(NamedTuple):
     plan: Plan | None = None
 
 
+class Redo(NamedTuple):
+    """A literal of the goal that is believed, and not surely; the state to plan from if it did not hold, and the plan
+    that brings it about from there."""
+
+    doubted: Atom
+    state: Facts
+    plan: Plan
+
+    @property
+    def instead(self) -> str:
+        """What the plan begins with, in words."""
+        needed = self.plan.steps[0].preconditions
+        return _listed([atom for atom in sorted(needed) if needed[atom]])
+
+
 def first(atoms: Collection[Atom], known: Facts, looks: int, settings: Settings) -> Decision:
     """After a look that opens the run: is there something to plan from?"""
     unknown = tuple(atom for atom in atoms if atom not in known)
@@ -226,11 +241,17 @@ def given_up(cause: Decision, goal: Facts, kept: Facts, is_stuck: bool) -> Decis
 
 
 def finish(
-    goal: Facts, verdict: Verdict, unsure: Collection[Atom], checks: int, dropped: Dropped, settings: Settings
+    goal: Facts,
+    verdict: Verdict,
+    unsure: Collection[Atom],
+    checks: int,
+    dropped: Dropped,
+    settings: Settings,
+    redo: Redo | None = None,
 ) -> Decision:
     """Nothing is left to do: `verdict` holds the goal against what is seen now, for only seeing it is success, and is
     the `checks`-th one in a row. `unsure` are its atoms, and where some of it was given up all atoms, that cannot be
-    told with `Settings.sure`."""
+    told with `Settings.sure`. `redo` would bring about once more what cannot be told."""
     once_more, many_more = checks <= min(1, settings.max_looks_again), checks <= settings.max_looks_again
     # What was given up is worth more looks than what holds: it may have come within reach and not be believed yet.
     if verdict.satisfied and unsure and (once_more or (dropped.goals and many_more)):
@@ -253,6 +274,9 @@ def finish(
         return Decision(DecisionKind.LOOK_AGAIN, f"nothing is left to do, but {missing}", wrong + unknown)
     if wrong:
         return Decision(DecisionKind.REPLAN, f"nothing is left to do, but {missing}", wrong)
+    if redo is not None:
+        reason = f"{missing} in {_looks(checks)}: done once more, as if {redo.instead}"
+        return Decision(DecisionKind.REPLAN, f"the goal is believed to hold, but {reason}", (redo.doubted,))
     outcome = OutcomeKind.PARTIAL if verdict.holds else OutcomeKind.GAVE_UP
     return _stop(outcome, f"the goal is believed to hold, but {missing} in {_looks(checks)}", unknown)
 

@@ -37,6 +37,10 @@ FILE = "trust.json"
 PRIOR = 10.0
 """Rates are what they would be with so many more answers at the rates that are assumed where nothing was measured."""
 
+TOGETHER = 0.8
+"""How much a model's looks at the same thing are assumed to err together, at one moment and from one to the next (see
+`Eye`): a model that is asked about the same thing once more answers the same."""
+
 _FORMAT = 1
 _LARGEST = 20_000_000
 _ABOUT = (
@@ -92,7 +96,7 @@ def fit(looks: Sequence[tuple[Mapping[Atom, float], Mapping[Atom, bool]]], netwo
         own, shared = _log_odds(correction), _log_odds(scaling.shared)
         bias = correction.bias - (rarer * own + LEANING * shared) / (rarer + LEANING)
         readings[predicate] = Reading(false_alarms, misses, correction.slope, bias)
-    eye = Eye(readings)
+    eye = Eye(readings, alike=TOGETHER, lasting=TOGETHER)
     monitor = FusedMonitor(network, eye, actions=None)
     judged = [
         (monitor.looked(monitor.begin(), Belief(-1, probability), 0)[1].belief.probability, truth)
@@ -157,6 +161,7 @@ class _Predicate(_Table):
 class _Domain(_Table):
     looks: int = Field(ge=0)
     alike: float
+    lasting: float = TOGETHER
     predicates: dict[str, _Predicate]
 
 
@@ -185,7 +190,9 @@ def save(path: Path, domain: str, trust: Trust) -> Path:
         )
         for name, reading in sorted(trust.eye.readings.items())
     }
-    domains[domain] = _Domain(looks=trust.looks, alike=trust.eye.alike, predicates=predicates)
+    domains[domain] = _Domain(
+        looks=trust.looks, alike=trust.eye.alike, lasting=trust.eye.lasting, predicates=predicates
+    )
     document = _Document(about=_ABOUT, format=_FORMAT, domains=dict(sorted(domains.items())))
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -224,9 +231,9 @@ def load(path: Path, domain: str) -> Trust:
         except ValueError as error:
             raise InputError(str(error), file=file, key=f"domains.{domain}.predicates.{name}") from None
     try:
-        return Trust(Eye(readings, alike=table.alike), Conformal(scores), table.looks)
+        return Trust(Eye(readings, alike=table.alike, lasting=table.lasting), Conformal(scores), table.looks)
     except ValueError as error:
-        raise InputError(str(error), file=file, key=f"domains.{domain}.alike") from None
+        raise InputError(str(error), file=file, key=f"domains.{domain}") from None
 
 
 def beside(vlm: str | None) -> Path | None:

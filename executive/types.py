@@ -368,7 +368,8 @@ class Sense(StrEnum):
 class SkillResult:
     """What a skill says of itself. `seconds` is the world's time that it took, `planned_seconds` what it would have
     taken to the end as far as it was planned (larger than `seconds` when it ended early). `sense` is by what a skill
-    that ended because of a drop came to know of it."""
+    that ended because of a drop came to know of it. `holding`: whether the hand feels, at the end, that it holds
+    something (None: it cannot feel, or was not asked)."""
 
     step: Step
     status: SkillStatus
@@ -376,6 +377,7 @@ class SkillResult:
     seconds: float = 0.0
     planned_seconds: float = 0.0
     sense: Sense | None = None
+    holding: bool | None = None
 
     @property
     def done(self) -> bool:

@@ -61,7 +61,7 @@ class Arm:
         self.limits = handle.limits  # not the handle itself: it is the weak key under which the arm is kept
         self.kinematics = Kinematics(handle)
         self.collision = CollisionModel(handle)
-        self.planner = MotionPlanner(handle.limits, self.collision.free)
+        self.planner = MotionPlanner(handle.limits, self.collision)
 
 
 _ARMS: WeakKeyDictionary[Handle, Arm] = WeakKeyDictionary()
@@ -210,7 +210,7 @@ class Attempt:
 
     def result(self, status: SkillStatus, reason: str = "", sense: Sense | None = None) -> SkillResult:
         seconds = self.body.time - self._began
-        return SkillResult(self.step, status, reason, seconds, seconds + self._ahead, sense)
+        return SkillResult(self.step, status, reason, seconds, seconds + self._ahead, sense, self.holding)
 
     def heed(self) -> None:
         """The place to stop at, at rest, when the run is cancelled.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
-from executive.types import Atom, Facts, SkillStatus, Step
+from executive.types import Atom, Facts, SkillResult, SkillStatus, Step
 
 PRIOR = 20.0
 """The defaults count as much as this many measured actions."""
@@ -34,7 +34,7 @@ DEFAULTS: Mapping[SkillStatus, Chances] = MappingProxyType(
         SkillStatus.DROPPED: Chances(0.03, 0.17, 0.80),
         SkillStatus.NO_PATH: Chances(0.01, 0.97, 0.02),
         SkillStatus.UNREACHABLE: Chances(0.01, 0.97, 0.02),
-        SkillStatus.NOT_THERE: Chances(0.01, 0.79, 0.20),  # it is somewhere else than was believed
+        SkillStatus.NOT_THERE: Chances(0.01, 0.19, 0.80),  # it is somewhere else than was believed
         SkillStatus.TIMED_OUT: Chances(0.30, 0.40, 0.30),
         SkillStatus.CANCELLED: Chances(0.20, 0.50, 0.30),
         SkillStatus.CRASHED: Chances(0.20, 0.50, 0.30),
@@ -70,6 +70,24 @@ class ActionModel:
         total = sum(counts) + PRIOR
         pairs = zip(counts, DEFAULTS[status], strict=True)
         return Chances(*((count + PRIOR * share) / total for count, share in pairs))
+
+
+def instance(carried: Mapping[str, tuple[str, tuple[int, ...]]], step: Step) -> Atom | None:
+    """The atom that is true while the step's skill carries something, by what is said of its action: a predicate, and
+    the positions of its arguments among the step's. None where nothing is said."""
+    if step.action not in carried:
+        return None
+    predicate, positions = carried[step.action]
+    return Atom(predicate, tuple(step.args[position] for position in positions))
+
+
+def felt(carried: Mapping[str, tuple[str, tuple[int, ...]]], step: Step, result: SkillResult | None) -> Facts:
+    """What the hand feels, as atoms. That it is around something says which thing only where the skill got what it
+    went for."""
+    atom = instance(carried, step)
+    if result is None or result.holding is None or atom is None or (result.holding and not result.done):
+        return Facts()
+    return Facts({atom: result.holding})
 
 
 def outcome(step: Step, before: Facts, after: Facts) -> Chances:

@@ -15,6 +15,9 @@ from types import MappingProxyType
 
 from executive.types import Atom
 
+HARDLY = math.log(2.0)
+"""An answer that is worth less than two to one is none: memory alone never tells an atom."""
+
 _EDGE = 1e-9
 """Probabilities nearer to 0 or 1 are taken to be this near."""
 
@@ -79,11 +82,12 @@ class Eye:
 
     def anew(self, evidence: float, believed: float) -> float:
         """What a look says that earlier ones have not said already, where they had it `believed` (log-odds) and nothing
-        has touched it since. What speaks against them counts in full; what agrees, as far as it is not the same error
-        once more: with `lasting` a, looks that all say e amount to e / a and no more."""
-        if evidence * believed <= 0.0:
+        has touched it since. What speaks against them counts in full, and so does what says next to nothing. What agrees
+        counts as far as it is not the same error once more, and takes something away where it is less sure than they
+        were: with `lasting` a, looks that all say e amount to e / a, whatever was believed before."""
+        if evidence * believed <= 0.0 or abs(evidence) < HARDLY:
             return evidence
-        return math.copysign(max(0.0, abs(evidence) - self.lasting * abs(believed)), evidence)
+        return evidence - self.lasting * believed
 
 
 EXACT = Eye(other=Reading(1e-6, 1e-6), alike=0.0)

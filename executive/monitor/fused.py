@@ -17,8 +17,8 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
-from executive.monitor.actions import ActionModel, applied, touched
-from executive.monitor.eye import Eye
+from executive.monitor.actions import ActionModel, applied, felt, touched
+from executive.monitor.eye import HARDLY, Eye
 from executive.monitor.groups import Network
 from executive.monitor.last import Last
 from executive.monitor.seam import Judgement, Thresholds
@@ -30,8 +30,12 @@ BAND = Thresholds(0.15, 0.85)
 NOWHERE = 0.05
 """The chance, before anything was seen, that a given group's atoms are all false although one of them could be true."""
 
-HARDLY = math.log(2.0)
-"""An answer that is worth less than two to one is none: memory alone never tells an atom."""
+FELT = math.log(499.0)
+"""What it is worth that fingers feel something between them, or nothing: taken to be wrong once in five hundred times.
+In the 2,000 collected actions that `domains/grocery/outcomes.toml` counts it never was."""
+
+_CERTAIN = 1e3
+"""Log-odds that no evidence comes near."""
 
 _LEAST = 1e-6
 """No prior is nearer to 0 or 1."""
@@ -50,7 +54,8 @@ class Hypothesis(NamedTuple):
 class Track:
     """What is believed of this moment but for its looks, their evidence atom by atom, what each atom's probability is
     with it (None before the first look), and the last known values before these looks and with them. `believed` are the
-    log-odds, before these looks, of the atoms that earlier ones told of and the last action did not touch. The first
+    log-odds, before these looks, of the atoms that earlier ones told of and the last action did not touch; `felt` is
+    what the hand felt at that action's end. The first
     hypothesis is that the last action's effects came about, if there are more than one."""
 
     hypotheses: tuple[Hypothesis, ...]
@@ -59,14 +64,17 @@ class Track:
     before: Last = field(default_factory=Last)
     now: Last = field(default_factory=Last)
     believed: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
+    felt: Facts = field(default_factory=Facts)
 
 
 class _Posterior(NamedTuple):
-    """Each atom's probability, the most probable state's true atoms, and each hypothesis's probability."""
+    """Each atom's probability, the most probable state's true atoms, each hypothesis's probability, and the logarithm
+    of what the most probable state weighs."""
 
     marginal: Mapping[Atom, float]
     best: frozenset[Atom]
     chances: tuple[float, ...]
+    log_best: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,12 +86,15 @@ class FusedMonitor:
         eye: what the answers are worth.
         actions: how reliable the skills are; None to forget at each action all that was seen before.
         thresholds: by predicate; `BAND` for those that it does not name.
+        carried: by action, what is true while its skill carries something (see `executive.monitor.actions.instance`):
+            what the hand feels is a witness to it, besides the looks.
     """
 
     network: Network
     eye: Eye = field(default_factory=Eye)
     actions: ActionModel | None = field(default_factory=ActionModel)
     thresholds: Mapping[str, Thresholds] = field(default_factory=lambda: MappingProxyType({}))
+    carried: Mapping[str, tuple[str, tuple[int, ...]]] = field(default_factory=lambda: MappingProxyType({}))
     _any: Mapping[Atom, float] = field(init=False, repr=False)
     _mates: Mapping[Atom, frozenset[Atom]] = field(init=False, repr=False)
 
@@ -123,6 +134,7 @@ class FusedMonitor:
             before=memory.now,
             now=memory.now,
             believed=MappingProxyType({atom: _log_odds(still[atom]) for atom in told}),
+            felt=Facts() if step is None else felt(self.carried, step, result),
         )
 
     def looked(self, memory: Track, raw: Belief, cycle: int) -> tuple[Track, Judgement]:
@@ -148,6 +160,13 @@ class FusedMonitor:
         )
         return replace(memory, marginal=marginal, now=now), judgement
 
+    def otherwise(self, memory: Track, atom: Atom) -> Facts | None:
+        others = sorted(self._mates[atom])
+        supposed = [self._posterior(memory, {atom: -_CERTAIN, mate: _CERTAIN}) for mate in others]
+        if not supposed:
+            return None
+        return Facts.closed(max(supposed, key=lambda posterior: posterior.log_best).best, self.network.atoms)
+
     def _hypothesis(self, chance: float, marginal: Mapping[Atom, float]) -> Hypothesis:
         """The distribution over states that probabilities of atoms stand for. A group contributes that of its atom, or
         of none of them; what an atom that several groups share is counted for too often is taken out again."""
@@ -163,12 +182,16 @@ class FusedMonitor:
             weights[atom] += (1 - len(groups)) * (log_true - log_false)
         return Hypothesis(chance, weights, self.network.solve(weights).log_total)
 
-    def _posterior(self, memory: Track) -> _Posterior:
-        """Bayes' rule over outcomes and states. The most probable state is that of the most probable pair of both."""
+    def _posterior(self, memory: Track, supposed: Mapping[Atom, float] = MappingProxyType({})) -> _Posterior:
+        """Bayes' rule over outcomes and states. The most probable state is that of the most probable pair of both.
+        `supposed` takes the place of evidence."""
         evidence = {
             atom: self.eye.anew(self.eye.together(values), memory.believed.get(atom, 0.0))
             for atom, values in memory.evidence.items()
         }
+        for atom, value in memory.felt.items():
+            evidence[atom] = evidence.get(atom, 0.0) + (FELT if value else -FELT)
+        evidence = {**evidence, **supposed}
         answers, logs = [], []
         for chance, weights, log_total in memory.hypotheses:
             answer = self.network.solve({atom: weight + evidence.get(atom, 0.0) for atom, weight in weights.items()})
@@ -184,7 +207,7 @@ class FusedMonitor:
             for atom in self.network.atoms
         }
         heaviest = max(range(len(logs)), key=lambda number: logs[number] + answers[number].log_best)
-        return _Posterior(marginal, answers[heaviest].best, chances)
+        return _Posterior(marginal, answers[heaviest].best, chances, logs[heaviest] + answers[heaviest].log_best)
 
     def _mixed(self, marginal: Mapping[Atom, float], unrest: float) -> dict[Atom, float]:
         """With the chance `unrest` that anything has become of each atom."""

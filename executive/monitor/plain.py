@@ -38,6 +38,9 @@ class PlainMonitor:
     def acted(self, memory: Taken, step: Step | None, result: SkillResult | None = None) -> Taken:
         return Taken(memory.now, memory.now)
 
+    def otherwise(self, memory: Taken, atom: Atom) -> Facts | None:
+        return None
+
     def looked(self, memory: Taken, raw: Belief, cycle: int) -> tuple[Taken, Judgement]:
         atoms = frozenset(self.atoms)
         answers = {**memory.answers, **{atom: value for atom, value in raw.probability.items() if atom in atoms}}

@@ -94,6 +94,11 @@ class Monitor(Protocol):
         have changed. From here on looks are about another moment."""
         ...
 
+    def otherwise(self, memory: Memory, atom: Atom) -> Facts | None:
+        """If `atom` is not what it is believed to be, what then? The most probable state with something else true in
+        its stead, from what was seen so far; None where nothing else is known that could be."""
+        ...
+
     def looked(self, memory: Memory, raw: Belief, cycle: int) -> tuple[Memory, Judgement]:
         """One more look at the moment since the last action. `raw` is what the estimator says, about all atoms or some
         of them; what it leaves out or does not answer, this look does not tell."""

@@ -68,7 +68,7 @@ def load_language_model(checkpoint: Checkpoint, device: str = "auto", dtype: str
     place = choose_device(device)
     kind = choose_dtype(dtype, place, checkpoint.half)
     _check_family(checkpoint, FAMILIES, "causal language", "llama, qwen3 or smollm3")
-    with _in_one_line(checkpoint, "its tokenizer cannot be loaded"), _quiet():
+    with _in_one_line(checkpoint, "its tokenizer cannot be loaded"), quiet():
         tokenizer = AutoTokenizer.from_pretrained(checkpoint.folder, **_LOCAL)
     model = _load_model(checkpoint, AutoModelForCausalLM, getattr(torch, kind), place)
     return Loaded(model, tokenizer, place, kind)
@@ -135,12 +135,12 @@ def load_processor(checkpoint: Checkpoint) -> Any:
 
     with _in_one_line(checkpoint, "its processor cannot be loaded"):
         try:
-            with _quiet():
+            with quiet():
                 processor = AutoProcessor.from_pretrained(checkpoint.folder, **_LOCAL)
         except ImportError as error:
             if "torchvision" not in str(error).lower():
                 raise
-            with _quiet():
+            with quiet():
                 processor = _without_video(checkpoint)
     tokenizer = getattr(processor, "tokenizer", None)
     if tokenizer is None or getattr(processor, "image_processor", None) is None:
@@ -203,7 +203,7 @@ def _check_family(checkpoint: Checkpoint, families: Collection[str], what: str, 
             f"is a {kind!r}, which transformers knows as no {what} model{code}; wanted one such as {such}",
             file=file,
         )
-    with _in_one_line(checkpoint, "its config cannot be read", CONFIG), _quiet():
+    with _in_one_line(checkpoint, "its config cannot be read", CONFIG), quiet():
         config = AutoConfig.from_pretrained(checkpoint.folder, **_LOCAL)
     if getattr(config, "is_encoder_decoder", False):
         raise InputError(
@@ -212,7 +212,7 @@ def _check_family(checkpoint: Checkpoint, families: Collection[str], what: str, 
 
 
 def _load_model(checkpoint: Checkpoint, family: Any, dtype: torch.dtype, device: str) -> Any:
-    with _in_one_line(checkpoint, "its model cannot be loaded"), _quiet():
+    with _in_one_line(checkpoint, "its model cannot be loaded"), quiet():
         model, report = family.from_pretrained(
             checkpoint.folder,
             dtype=dtype,
@@ -257,7 +257,7 @@ def _in_one_line(checkpoint: Checkpoint, what: str, file: str = "") -> Iterator[
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Keep transformers' progress bars and advice off the terminal; its errors are raised anyway."""
     from transformers.utils import logging as chatter
 

@@ -19,6 +19,7 @@ from torch import nn
 
 from executive.lab.eye import words
 from executive.lab.eye.sizes import STRIDE, Size
+from executive.s3e.loading import quiet
 
 MEAN, STD = 0.55, 0.27
 """Of all pixels of a training shard, about; the same for each colour, so that grey stays grey."""
@@ -88,8 +89,9 @@ def save(model: Any, tokenizer: Any, size: Size, folder: Path) -> None:
     from transformers import CLIPImageProcessorPil
 
     folder.mkdir(parents=True, exist_ok=True)
-    tokenizer.save_pretrained(folder)
-    model.save_pretrained(folder)
+    with quiet():
+        tokenizer.save_pretrained(folder)
+        model.save_pretrained(folder)
     square = {"height": size.side, "width": size.side}
     CLIPImageProcessorPil(
         size=square, do_center_crop=False, resample=2, image_mean=[MEAN] * 3, image_std=[STD] * 3, do_convert_rgb=True

@@ -55,10 +55,12 @@ class Eye:
         torch.manual_seed(seed)
         self.recipe, self.seed, self.domain = recipe, seed, domain
         self.subject = Subject.of(domain)
-        self.cameras = len(read_scene(domain.scene).cameras)
+        stage = read_scene(domain.scene)
+        self.cameras = len(stage.cameras)
         said = domain.subject
         templates = Templates.read(said.questions) if said.questions is not None else generic(domain.task)
-        self.wordings = Wordings.of(domain.task, templates, wordings)
+        there = {item.name for item in stage.items} | {table.name for table in stage.tables}
+        self.wordings = Wordings.of(domain.task, templates, wordings, there)
         instructions = load_instructions(said.instructions) if said.instructions is not None else ""
         instructed = prompts.instructed(prompts.QUESTION_ANSWERING, instructions)
         untranslated = prompts.no_translation(said.pddl.read_text(encoding="utf-8"), domain.task.objects)

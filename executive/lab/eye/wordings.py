@@ -15,7 +15,7 @@ from __future__ import annotations
 import random
 import re
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,8 +40,9 @@ class Wordings:
     """Each atom in the words of `questions.toml`, which a run asks in."""
 
     @classmethod
-    def of(cls, task: Task, templates: Templates, file: Path | None = None) -> Wordings:
-        """What can be asked about a task: its templates, and what `file` adds to them.
+    def of(cls, task: Task, templates: Templates, file: Path | None = None, absent: Collection[str] = ()) -> Wordings:
+        """What can be asked about a task: its templates, and what `file` adds to them. `absent` are objects of other
+        tasks, whose names in the file are passed over.
 
         Raises:
             DomainError: the file has a mistake, named with its key.
@@ -53,6 +54,8 @@ class Wordings:
             tables = _tables(file)
             for table, target in (("questions", predicates), ("objects", names)):
                 for key, entries in tables.get(table, {}).items():
+                    if table == "objects" and key in absent and key not in target:
+                        continue
                     if key not in target:
                         raise DomainError(f"unknown key; {nearest(key, target)}", file=file, key=f"{table}.{key}")
                     target[key] += _texts(entries, file, f"{table}.{key}")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.domain import load_subject
+from executive.domain import load_domain, load_subject
 from executive.errors import DomainError
 from executive.lab.eye.wordings import WORDINGS, Wordings, expand
 from executive.s3e import Templates
@@ -85,3 +85,13 @@ def test_a_mistake_is_named(text: str, message: str, tmp_path: Path) -> None:
         Wordings.of(SUBJECT.task, TEMPLATES, file)
     assert message in str(told.value)
     assert str(file) in str(told.value)
+
+
+def test_names_of_what_another_task_has_are_passed_over_and_no_others() -> None:
+    task = load_domain(GROCERY, "one-item").task
+    stage = {*SUBJECT.task.objects}
+    assert not stage <= task.objects.keys()
+    wordings = Wordings.of(task, TEMPLATES, GROCERY / WORDINGS, stage)
+    assert wordings.names.keys() == task.objects.keys()
+    with pytest.raises(DomainError, match=r"objects\..*unknown key"):
+        Wordings.of(task, TEMPLATES, GROCERY / WORDINGS)
