@@ -12,7 +12,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from executive.monitor.actions import instance
 from executive.types import Atom, Image, Step
 
 DOUBTFUL = 0.02
@@ -57,7 +56,7 @@ class Attention:
 
     def held(self, step: Step) -> Atom | None:
         """What is to be true while the step's skill carries something."""
-        return instance(self.carried, step)
+        return step.about(self.carried)
 
 
 def questions(

@@ -52,9 +52,9 @@ class Course:
     told or ever seen, as they are believed now. `source` is the last look that asked about an atom, with its cameras.
     `todo` are the positions of the plan's steps that are left, `attempt` counts the tries at the first of them, and
     `report` is what the skill of this cycle said. `failures` counts how often a step failed from the same known facts;
-    `stuck` are the steps that were given up on, with what was known before and after; `given_up_why` is why some of the goal was
-    given up last. `redone` are literals of the goal that were never sure and were brought about once more, to be
-    sure. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
+    `stuck` are the steps that were given up on, with what was known before and after; `given_up_why` is why some of the
+    goal was given up last. `redone` are literals of the goal that were never sure and were brought about once more, to
+    be sure. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
     loop, an *action* a dispatched step, a *replan* a plan that was taken up after the first.
     """
 

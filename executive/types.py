@@ -150,6 +150,14 @@ class Step:
     def __str__(self) -> str:
         return f"{self.action}({','.join(self.args)})"
 
+    def about(self, predicates: Mapping[str, tuple[str, tuple[int, ...]]]) -> Atom | None:
+        """An atom about this step's arguments: `predicates` says of an action which predicate, and the positions of its
+        arguments among the step's. None where it says nothing of this action."""
+        if self.action not in predicates:
+            return None
+        predicate, positions = predicates[self.action]
+        return Atom(predicate, tuple(self.args[position] for position in positions))
+
 
 @dataclass(frozen=True, slots=True)
 class Plan:

@@ -72,19 +72,10 @@ class ActionModel:
         return Chances(*((count + PRIOR * share) / total for count, share in pairs))
 
 
-def instance(carried: Mapping[str, tuple[str, tuple[int, ...]]], step: Step) -> Atom | None:
-    """The atom that is true while the step's skill carries something, by what is said of its action: a predicate, and
-    the positions of its arguments among the step's. None where nothing is said."""
-    if step.action not in carried:
-        return None
-    predicate, positions = carried[step.action]
-    return Atom(predicate, tuple(step.args[position] for position in positions))
-
-
 def felt(carried: Mapping[str, tuple[str, tuple[int, ...]]], step: Step, result: SkillResult | None) -> Facts:
     """What the hand feels, as atoms. That it is around something says which thing only where the skill got what it
     went for."""
-    atom = instance(carried, step)
+    atom = step.about(carried)
     if result is None or result.holding is None or atom is None or (result.holding and not result.done):
         return Facts()
     return Facts({atom: result.holding})

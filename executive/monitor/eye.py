@@ -82,9 +82,9 @@ class Eye:
 
     def anew(self, evidence: float, believed: float) -> float:
         """What a look says that earlier ones have not said already, where they had it `believed` (log-odds) and nothing
-        has touched it since. What speaks against them counts in full, and so does what says next to nothing. What agrees
-        counts as far as it is not the same error once more, and takes something away where it is less sure than they
-        were: with `lasting` a, looks that all say e amount to e / a, whatever was believed before."""
+        has touched it since. What speaks against them counts in full, and so does what says next to nothing; what
+        agrees counts as far as it is not the same error once more, and takes something away where it is less sure than
+        they were: with `lasting` a, looks that all say e amount to e / a, whatever was believed before."""
         if evidence * believed <= 0.0 or abs(evidence) < HARDLY:
             return evidence
         return evidence - self.lasting * believed

@@ -86,7 +86,7 @@ class FusedMonitor:
         eye: what the answers are worth.
         actions: how reliable the skills are; None to forget at each action all that was seen before.
         thresholds: by predicate; `BAND` for those that it does not name.
-        carried: by action, what is true while its skill carries something (see `executive.monitor.actions.instance`):
+        carried: by action, what is true while its skill carries something (see `Step.about`):
             what the hand feels is a witness to it, besides the looks.
     """
 

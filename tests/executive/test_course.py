@@ -94,6 +94,8 @@ def test_a_step_is_stuck_only_where_it_was_given_up_on() -> None:
     assert stuck.leads_nowhere(Plan(STEPS, 4.0, "", 0.0))
     assert not stuck.leads_nowhere(Plan(STEPS[2:], 2.0, "", 0.0))
     assert not looked(stuck, GRIPPED, 2).is_stuck
+    elsewhere = looked(planned().failed(STEPS[0], GRIPPED, GIVE_UP), GRIPPED, 2)
+    assert elsewhere.is_stuck, "from where it had failed, not only from where that left things"
 
 
 def test_what_a_look_did_not_ask_about_is_no_doubt_but_what_it_could_not_tell_is() -> None:

@@ -1,0 +1,103 @@
+"""What is never sure is made sure by doing it once more; what the hand feels counts; what was given up stays so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from executive.monitor import Eye, Reading
+from executive.monitor.actions import felt
+from executive.types import (
+    Atom,
+    Belief,
+    Decision,
+    DecisionKind,
+    Dispatched,
+    Facts,
+    Observation,
+    OutcomeKind,
+    SkillResult,
+    SkillStatus,
+)
+from tests.fakes import FREE, ScriptedEstimator, Stage, at, held, pick, put
+
+GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
+CARRIED = {"pick": ("held", (0,)), "place": ("held", (0,))}
+SHARP = Eye(other=Reading(1e-3, 1e-3), alike=0.8, lasting=0.8)
+
+
+class Leaning(ScriptedEstimator):
+    """Takes a thing on r, across from q, for one on q, with the same doubt in every look."""
+
+    lean = 0.75
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        belief = super().estimate(observation, atoms)
+        if self._world.past[observation.id]["a"] != "r":
+            return belief
+        told = {**belief.probability}
+        told |= {atom: value for atom, value in ((at("a", "q"), self.lean), (at("a", "r"), 0.2)) if atom in told}
+        return Belief(belief.observation_id, told, belief.unanswered, belief.source)
+
+
+def across(**parts: object) -> Stage:
+    """A thing is put across the edge between q, where the goal has it, and r."""
+    made = Stage(GOAL, {"a": "p", "b": "p"}, script={2: "land quietly r"})
+    made.estimator = Leaning(made.world)
+    return made.weighing(eye=SHARP, **parts)
+
+
+def test_a_goal_that_is_never_sure_is_brought_about_once_more() -> None:
+    made = across()
+    ended = made.play()
+    assert (ended.outcome, ended.goal_seen, made.goal_true) == (OutcomeKind.GOAL_REACHED, True, True)
+    steps = [order.step for order in made.recorder.of(Dispatched)]
+    assert steps[-2:] == [pick("a", "r"), put("a", "q")]
+    (again,) = [each for each in made.recorder.of(Decision) if "done once more" in each.reason]
+    assert (again.kind, again.evidence) == (DecisionKind.REPLAN, (at("a", "q"),))
+    assert again.reason.endswith("as if at(a,r), free()")
+
+
+def test_it_is_done_once_more_only_once() -> None:
+    """Where doing it again leaves it as doubtful as before, the run says so and ends."""
+    made = across()
+    assert isinstance(made.estimator, Leaning)
+    made.estimator.lean = 0.6
+    made.skill.script = dict.fromkeys(range(2, 99, 2), "land quietly r")
+    ended = made.play()
+    assert (ended.outcome, ended.goal_seen) == (OutcomeKind.PARTIAL, False)
+    assert "cannot tell at(a,q)" in ended.reason
+    assert sum("done once more" in each.reason for each in made.recorder.of(Decision)) == 1
+
+
+def test_nothing_is_done_again_for_what_the_looks_do_not_speak_of() -> None:
+    """Not to see a thing at all is no reason to move it."""
+    made = Stage(GOAL, {"a": "p", "b": "p"}, always={at("a", "q"): None}).weighing(eye=SHARP)
+    ended = made.play()
+    assert not ended.goal_seen
+    assert not any("done once more" in each.reason for each in made.recorder.of(Decision))
+
+
+def test_the_hand_is_asked_before_an_eye_that_takes_the_thing_for_held() -> None:
+    """The eye sees it held, the fingers feel nothing, and the place that was meant to follow finds nothing to place."""
+    step = put("a", "q")
+    empty = SkillResult(step, SkillStatus.NOT_THERE, holding=False)
+    beliefs = {}
+    for carried in ({}, CARRIED):
+        monitor = Stage(GOAL, {"a": "p", "b": "p"}).weighing(eye=SHARP, carried=carried).monitor
+        memory = monitor.begin()
+        lifted = {atom: float(atom == held("a") or atom == at("b", "p")) for atom in (*monitor.network.atoms,)}  # type: ignore[attr-defined]
+        memory, _ = monitor.looked(memory, Belief(0, lifted), 0)
+        memory = monitor.acted(memory, step, empty)
+        wrong = {**lifted, held("a"): 0.9, FREE: 0.6, at("a", "p"): 0.4}
+        _, judgement = monitor.looked(memory, Belief(1, wrong), 1)
+        beliefs[bool(carried)] = judgement.probability[held("a")]
+    assert beliefs[True] < 0.1 < 0.5 < beliefs[False]
+
+
+def test_a_full_hand_holds_the_thing_only_where_the_skill_got_it() -> None:
+    step = pick("a", "p")
+    assert felt(CARRIED, step, SkillResult(step, SkillStatus.DONE, holding=True)) == Facts({held("a"): True})
+    assert felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, holding=False)) == Facts({held("a"): False})
+    assert felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, "full", holding=True)) == Facts()
+    assert felt(CARRIED, step, SkillResult(step, SkillStatus.DONE)) == Facts()
+    assert felt({}, step, SkillResult(step, SkillStatus.DONE, holding=True)) == Facts()
