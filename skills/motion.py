@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from ompl import base as ob
@@ -19,9 +20,6 @@ from executive.sim.handle import ArmLimits
 from executive.types import FloatArray
 
 ou.setLogLevel(ou.LogLevel.LOG_NONE)
-
-_EDGE = 0.05
-"""Largest Euclidean distance in joint space (rad) between two configurations that are checked along an edge."""
 
 _RANGE = 0.8
 """Longest new edge of the tree, in rad."""
@@ -47,24 +45,52 @@ class Path:
     tree: FloatArray | None = None
 
 
+class Space(Protocol):
+    """What is free: `skills.collision.CollisionModel` is one."""
+
+    def free(self, q: FloatArray) -> bool:
+        """Whether a configuration (6,) touches nothing."""
+        ...
+
+    def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
+        """Whether the straight edge between two configurations touches nothing, its ends included."""
+        ...
+
+
+class _States(ob.StateValidityChecker):  # type: ignore[misc]  # OMPL has no stubs
+    def __init__(self, information: ob.SpaceInformation, space: Space, dof: int) -> None:
+        super().__init__(information)
+        self._free, self._joints = space.free, range(dof)
+
+    def isValid(self, state: Sequence[float]) -> bool:  # noqa: N802
+        return self._free(np.array([state[joint] for joint in self._joints]))
+
+
+class _Edges(ob.MotionValidator):  # type: ignore[misc]
+    """A whole edge in one call: what takes time is going through the bindings."""
+
+    def __init__(self, information: ob.SpaceInformation, space: Space, dof: int) -> None:
+        super().__init__(information)
+        self._free, self._joints = space.edge_free, range(dof)
+
+    def checkMotion(self, start: Sequence[float], goal: Sequence[float]) -> bool:  # noqa: N802
+        first, second = ([state[joint] for joint in self._joints] for state in (start, goal))
+        return self._free(np.array(first), np.array(second))
+
+
 class MotionPlanner:
-    """RRT* over the arm's joints.
+    """RRT* over the arm's joints, whose bounds are in `limits`, through what is free in `space`."""
 
-    Args:
-        limits: bounds of the joints.
-        free: whether a configuration (6,) touches nothing.
-    """
-
-    def __init__(self, limits: ArmLimits, free: Callable[[FloatArray], bool]) -> None:
-        self._free = free
+    def __init__(self, limits: ArmLimits, space: Space) -> None:
+        self._free, self.edge_free = space.free, space.edge_free
         dof = len(limits.lower)
         self._limits = limits
         self._space = ob.RealVectorStateSpace(dof)
         self._bound(limits.lower, limits.upper)
         self._information = ob.SpaceInformation(self._space)
-        # The closure must not hold `self`: OMPL's bindings keep it, and a cycle through them is never collected.
-        self._information.setStateValidityChecker(lambda state: free(np.array([state[i] for i in range(dof)])))
-        self._information.setStateValidityCheckingResolution(_EDGE / self._space.getMaximumExtent())
+        # Neither may hold `self`: OMPL's bindings keep them, and a cycle through them is never collected.
+        self._information.setStateValidityChecker(_States(self._information, space, dof))
+        self._information.setMotionValidator(_Edges(self._information, space, dof))
         self._information.setup()
 
     def plan(
@@ -143,11 +169,6 @@ class MotionPlanner:
         pairs = [(index, other) for index in range(len(at)) for other in data.getEdges(index)]
         edges: FloatArray = at[np.array(pairs, dtype=int).reshape(-1, 2)]
         return edges
-
-    def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
-        """Whether the straight edge touches nothing, its ends included."""
-        steps = max(1, math.ceil(float(np.linalg.norm(goal - start)) / _EDGE))
-        return all(self._free(start + (goal - start) * (index / steps)) for index in range(steps + 1))
 
     def _bound(self, lower: FloatArray, upper: FloatArray) -> None:
         bounds = ob.RealVectorBounds(len(lower))

@@ -98,13 +98,13 @@ def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> lis
             if approach is None or lift is None:
                 continue
             attempt.look_around(ignored=[item])
-            if not all(arm.collision.free(point) for point in (*approach, *lift)):
+            if not arm.collision.all_free(np.array([*approach, *lift])).all():
                 continue
             held = Held(item, poses.inverse(grasp) @ pose)
             attempt.look_around(held)
             # What leans on the item already cannot be kept clear of; it is drawn along a little.
             attempt.look_around(held, ignored=arm.collision.beside(q))
-            if not all(arm.collision.free(point) for point in lift[1:]):
+            if not arm.collision.all_free(np.array(lift[1:])).all():
                 continue
             cost = float(np.linalg.norm(approach[-1] - start)) + 0.02 * preference
             found.append(_Reach(np.array(approach[::-1]), np.array(lift), cost))

@@ -99,10 +99,10 @@ def _descent(attempt: Attempt, held: Held, hand: FloatArray, start: FloatArray) 
         if lower is None or retreat is None:
             continue
         attempt.look_around(held)
-        if not all(arm.collision.free(point) for point in lower[2:]):
+        if not arm.collision.all_free(np.array(lower[2:])).all():
             continue  # the lowest points are left out: there the item is about to touch the table
         attempt.look_around(ignored=[held.item])
-        if not all(arm.collision.free(point) for point in (*lower, *retreat)):
+        if not arm.collision.all_free(np.array([*lower, *retreat])).all():
             continue
         return _Descent(np.array(lower[::-1]), np.array(retreat), float(np.linalg.norm(lower[-1] - start)))
     return None

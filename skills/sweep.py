@@ -1,0 +1,469 @@
+"""Whether a robot's parts stay clear of each other and of all around, along a straight edge in joint space; compiled
+by numba. Kept in one file because numba's cache knows a function by the file that it stands in, and by no other.
+
+How far apart two convex hulls are tells the algorithm of Gilbert, Johnson and Keerthi (1988): it walks over their
+Minkowski difference towards the origin. Every step gives a lower bound of the distance (the plane through the newest
+support point) and, from the second on, an upper one (the nearest point so far), so that it stops as soon as the
+question is answered. Closest points of simplices are found by Voronoi regions, as in Ericson, Real-Time Collision
+Detection (2005), 5.1.
+
+Along an edge every pair of hulls is followed on its own. Where the two are some distance apart, and no point of the one
+can move farther towards the other than so much from one configuration to the next, they are clear at as many
+configurations before and after as that distance allows; only what lies beyond is looked at again (conservative
+advancement, as in Schwarzer, Saha and Latombe, 2005, here on a grid). Most pairs are settled once, by a ball around the
+one and a box around the other.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from executive.types import FloatArray
+
+IntArray = np.ndarray[Any, np.dtype[np.int64]]
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+
+_EXACT = 1e-6
+"""m between the bounds at which the distance counts as found."""
+
+_MOST_STEPS = 64
+
+
+_SIMPLEX, _FACE = 6, 10
+"""Rows to work in: four for the corners of the simplex, three for those of one of its faces."""
+
+
+@numba.njit(cache=True)
+def clear(
+    points: FloatArray,
+    spans: IntArray,
+    bounds: FloatArray,
+    reach: FloatArray,
+    groups: IntArray,
+    pairs: IntArray,
+    chain: FloatArray,
+    clearance: float,
+    start: FloatArray,
+    goal: FloatArray,
+    steps: int,
+) -> bool:
+    """Whether every pair is farther apart than `clearance` (m) at `steps + 1` configurations evenly spaced from `start`
+    to `goal`, both (J,) and included; with no steps, at `start`.
+
+    Args:
+        points: (3, N) the corners of all hulls, each in the frame of its link, m.
+        spans: (G, 3) each hull's link, first point, and number of points; after all hulls, a row for each link: a
+            box around all that hangs on it.
+        bounds: (G, 10) the middle and radius of a ball around each hull, the least and the greatest corner of a box.
+        reach: (G, J) as `Chain.reach` tells.
+        groups: (K, 4) runs of `pairs`: the first hull of them all, the row for the link of all second ones, the first
+            pair, and the one after the last.
+        pairs: (P, 2) the hulls that may not touch, the one of the lower link first.
+        chain: (J, 18) as `Chain.packed` tells.
+    """
+    joints, hulls = chain.shape[0], spans.shape[0]
+    frames = np.empty((steps + 1, joints + 1, 12))
+    centres = np.empty((steps + 1, hulls, 3))
+    known = np.zeros(steps + 1, dtype=np.bool_)
+    room = np.empty((14, 3))
+    travels = _travels(reach, spans, start, goal, steps)
+    middle = steps // 2
+    half = steps - middle
+    _arrange(chain, spans, bounds, start, goal, steps, middle, frames, centres)
+    known[middle] = True
+    for group in range(groups.shape[0]):
+        # First all of a link at once: mostly it is far from the hull in question all along the way.
+        a, all_of_it = groups[group, 0], groups[group, 1]
+        low = spans[a, 0]
+        away = _away(frames, centres, bounds, middle, low, a, all_of_it)
+        if away > clearance + travels[all_of_it, low] * half or (
+            groups[group, 3] - groups[group, 2] > 1
+            and _stay_clear(
+                points, spans, bounds, chain, clearance, start, goal, steps, a, all_of_it, travels[all_of_it, low],
+                frames, centres, known, room,
+            )
+        ):  # fmt: skip
+            continue
+        for pair in range(groups[group, 2], groups[group, 3]):
+            b = pairs[pair, 1]
+            away = _away(frames, centres, bounds, middle, low, a, b)
+            if away <= clearance + travels[b, low] * half and not _stay_clear(
+                points, spans, bounds, chain, clearance, start, goal, steps, a, b, travels[b, low],
+                frames, centres, known, room,
+            ):  # fmt: skip
+                return False
+    return True
+
+
+@numba.njit(cache=True)
+def all_clear(
+    points: FloatArray,
+    spans: IntArray,
+    bounds: FloatArray,
+    reach: FloatArray,
+    groups: IntArray,
+    pairs: IntArray,
+    chain: FloatArray,
+    clearance: float,
+    configurations: FloatArray,
+) -> BoolArray:
+    """`clear` at each of the configurations (N, J) by itself: (N,) of bool."""
+    result = np.empty(len(configurations), dtype=np.bool_)
+    for index in range(len(configurations)):
+        q = configurations[index]
+        result[index] = clear(points, spans, bounds, reach, groups, pairs, chain, clearance, q, q, 0)
+    return result
+
+
+@numba.njit(cache=True)
+def _stay_clear(
+    points: FloatArray,
+    spans: IntArray,
+    bounds: FloatArray,
+    chain: FloatArray,
+    clearance: float,
+    start: FloatArray,
+    goal: FloatArray,
+    steps: int,
+    a: int,
+    b: int,
+    travel: float,
+    frames: FloatArray,
+    centres: FloatArray,
+    known: BoolArray,
+    room: FloatArray,
+) -> bool:
+    """Whether hull b stays clear of hull a, towards which it moves by no more than `travel` (m) in one step."""
+    low, high, depth, warm = spans[a, 0], spans[b, 0], 1, False
+    stack = np.empty((64, 2), dtype=np.int64)
+    stack[0, 0], stack[0, 1] = 0, steps
+    while depth > 0:
+        depth -= 1
+        begin, end = stack[depth, 0], stack[depth, 1]
+        at = (begin + end) // 2
+        if not known[at]:
+            _arrange(chain, spans, bounds, start, goal, steps, at, frames, centres)
+            known[at] = True
+        apart = _away(frames, centres, bounds, at, low, a, b)
+        enough = clearance + travel * (end - at)
+        if apart <= enough:
+            if not warm:
+                _way(frames, centres, bounds, at, low, a, b, room)
+                warm = True  # from then on, the way at another configuration is the one to begin with
+            _relative(frames, at, low, high, room)
+            apart = max(apart, separation(points, spans, a, b, clearance, enough, travel, room))
+            if apart <= clearance:
+                return False
+        ahead = int((apart - clearance) / travel)
+        if at + ahead < end:
+            stack[depth, 0], stack[depth, 1] = at + ahead + 1, end
+            depth += 1
+        if at - ahead > begin:
+            stack[depth, 0], stack[depth, 1] = begin, at - ahead - 1
+            depth += 1
+    return True
+
+
+@numba.njit(cache=True)
+def _travels(reach: FloatArray, spans: IntArray, start: FloatArray, goal: FloatArray, steps: int) -> FloatArray:
+    """How far, in m, any point of each hull moves in one step at most, seen from each link below its own, (G, J + 1);
+    a little above zero where it does not, so that it can be divided by."""
+    joints = len(start)
+    travels = np.full((spans.shape[0], joints + 1), 1e-12)
+    if steps > 0:
+        for hull in range(spans.shape[0]):
+            for link in range(spans[hull, 0] - 1, -1, -1):
+                turn = abs(goal[link] - start[link]) / steps
+                travels[hull, link] = travels[hull, link + 1] + turn * reach[hull, link]
+    return travels
+
+
+@numba.njit(cache=True)
+def _arrange(
+    chain: FloatArray,
+    spans: IntArray,
+    bounds: FloatArray,
+    start: FloatArray,
+    goal: FloatArray,
+    steps: int,
+    at: int,
+    frames: FloatArray,
+    centres: FloatArray,
+) -> None:
+    """Where the links are in the world, and the middles of all balls, after `at` steps."""
+    share = at / max(1, steps)
+    for i in range(12):
+        frames[at, 0, i] = 1.0 if i in (0, 4, 8) else 0.0
+    for j in range(chain.shape[0]):
+        angle = start[j] + (goal[j] - start[j]) * share
+        cos, sin = math.cos(angle), math.sin(angle)
+        x, y, z = chain[j, 12], chain[j, 13], chain[j, 14]
+        rest = 1.0 - cos
+        r0, r1, r2 = cos + x * x * rest, x * y * rest - z * sin, x * z * rest + y * sin
+        r3, r4, r5 = x * y * rest + z * sin, cos + y * y * rest, y * z * rest - x * sin
+        r6, r7, r8 = x * z * rest - y * sin, y * z * rest + x * sin, cos + z * z * rest
+        u, v, w = chain[j, 15], chain[j, 16], chain[j, 17]
+        px, py, pz = u - (r0 * u + r1 * v + r2 * w), v - (r3 * u + r4 * v + r5 * w), w - (r6 * u + r7 * v + r8 * w)
+        for i in range(3):
+            k, n, m = frames[at, j, 3 * i], frames[at, j, 3 * i + 1], frames[at, j, 3 * i + 2]
+            a = k * chain[j, 0] + n * chain[j, 3] + m * chain[j, 6]
+            b = k * chain[j, 1] + n * chain[j, 4] + m * chain[j, 7]
+            c = k * chain[j, 2] + n * chain[j, 5] + m * chain[j, 8]
+            d = k * chain[j, 9] + n * chain[j, 10] + m * chain[j, 11]
+            frames[at, j + 1, 3 * i] = a * r0 + b * r3 + c * r6
+            frames[at, j + 1, 3 * i + 1] = a * r1 + b * r4 + c * r7
+            frames[at, j + 1, 3 * i + 2] = a * r2 + b * r5 + c * r8
+            frames[at, j + 1, 9 + i] = a * px + b * py + c * pz + d + frames[at, j, 9 + i]
+
+    for hull in range(spans.shape[0]):
+        link, x, y, z = spans[hull, 0], bounds[hull, 0], bounds[hull, 1], bounds[hull, 2]
+        for i in range(3):
+            centres[at, hull, i] = (
+                frames[at, link, 3 * i] * x
+                + frames[at, link, 3 * i + 1] * y
+                + frames[at, link, 3 * i + 2] * z
+                + frames[at, link, 9 + i]
+            )
+
+
+@numba.njit(cache=True, inline="always")
+def _away(frames: FloatArray, centres: FloatArray, bounds: FloatArray, at: int, link: int, a: int, b: int) -> float:
+    """How far the ball around hull b is at least from the box around hull a, which is on `link`."""
+    x = centres[at, b, 0] - frames[at, link, 9]
+    y = centres[at, b, 1] - frames[at, link, 10]
+    z = centres[at, b, 2] - frames[at, link, 11]
+    u = frames[at, link, 0] * x + frames[at, link, 3] * y + frames[at, link, 6] * z
+    v = frames[at, link, 1] * x + frames[at, link, 4] * y + frames[at, link, 7] * z
+    w = frames[at, link, 2] * x + frames[at, link, 5] * y + frames[at, link, 8] * z
+    u -= min(max(u, bounds[a, 4]), bounds[a, 7])
+    v -= min(max(v, bounds[a, 5]), bounds[a, 8])
+    w -= min(max(w, bounds[a, 6]), bounds[a, 9])
+    return math.sqrt(u * u + v * v + w * w) - float(bounds[b, 3])
+
+
+@numba.njit(cache=True)
+def _way(
+    frames: FloatArray, centres: FloatArray, bounds: FloatArray, at: int, link: int, a: int, b: int, room: FloatArray
+) -> None:
+    """About the way from hull a to hull b in the frame of `link`, into row 4 of `room`: from the box to the ball's
+    middle, or, where that is inside, from middle to middle."""
+    x = centres[at, b, 0] - frames[at, link, 9]
+    y = centres[at, b, 1] - frames[at, link, 10]
+    z = centres[at, b, 2] - frames[at, link, 11]
+    inside = True
+    for i in range(3):
+        across = frames[at, link, i] * x + frames[at, link, 3 + i] * y + frames[at, link, 6 + i] * z
+        room[4, i] = across - min(max(across, bounds[a, 4 + i]), bounds[a, 7 + i])
+        room[5, i] = across - bounds[a, i]
+        inside = inside and abs(room[4, i]) < 1e-6
+    if inside:
+        room[5, 0] += 1e-9
+        for i in range(3):
+            room[4, i] = room[5, i]
+
+
+@numba.njit(cache=True, inline="always")
+def _relative(frames: FloatArray, at: int, low: int, high: int, room: FloatArray) -> None:
+    """The frame of link `high` as link `low` sees it, into rows 0 to 3 of `room`: rotation and position."""
+    x = frames[at, high, 9] - frames[at, low, 9]
+    y = frames[at, high, 10] - frames[at, low, 10]
+    z = frames[at, high, 11] - frames[at, low, 11]
+    for i in range(3):
+        u, v, w = frames[at, low, i], frames[at, low, 3 + i], frames[at, low, 6 + i]
+        for k in range(3):
+            room[i, k] = u * frames[at, high, k] + v * frames[at, high, 3 + k] + w * frames[at, high, 6 + k]
+        room[3, i] = u * x + v * y + w * z
+
+
+@numba.njit(cache=True)
+def separation(
+    points: FloatArray,
+    spans: IntArray,
+    first: int,
+    second: int,
+    near: float,
+    far: float,
+    step: float,
+    room: FloatArray,
+) -> float:
+    """A lower bound of the distance in m between two hulls: the distance itself within 1e-6 m, unless an earlier bound
+    has told enough.
+
+    Args:
+        points, spans: as for `clear`; the number of a hull's points is a multiple of four.
+        near: once they are known to be no farther apart than this, 0 is returned at once.
+        far: once they are known to be farther apart than this, that bound is returned at once;
+        step: and so it is once no better one would be more of these beyond `near`.
+        room: (14, 3) the second hull's frame in that of the first, rotation and position, in rows 0 to 3; in row 4
+            about the way from the first to the second, in the first one's frame, which is not 0, and afterwards a
+            better one; the rest to work in.
+    """
+    x, y, z = room[4, 0], room[4, 1], room[4, 2]
+    px, py, pz = room[3, 0], room[3, 1], room[3, 2]
+    best: float = 0.0
+    count = 0
+    for _ in range(_MOST_STEPS):
+        # The point of the first hull farthest along the way to the second, and the other way round.
+        a = _farthest(points, spans[first, 1], spans[first, 2], x, y, z)
+        u = room[0, 0] * x + room[1, 0] * y + room[2, 0] * z
+        v = room[0, 1] * x + room[1, 1] * y + room[2, 1] * z
+        w = room[0, 2] * x + room[1, 2] * y + room[2, 2] * z
+        b = _farthest(points, spans[second, 1], spans[second, 2], -u, -v, -w)
+        top = points[0, a] * x + points[1, a] * y + points[2, a] * z
+        low = points[0, b] * u + points[1, b] * v + points[2, b] * w
+        size = math.sqrt(x * x + y * y + z * z)
+        best = max(best, (low + x * px + y * py + z * pz - top) / size)
+        if best > far or (
+            count and (size - best < _EXACT or (best > near and int((best - near) / step) == int((size - near) / step)))
+        ):
+            room[4, 0], room[4, 1], room[4, 2] = x, y, z
+            return best
+        p, q, r = points[0, b], points[1, b], points[2, b]
+        row = _SIMPLEX + count
+        room[row, 0] = room[0, 0] * p + room[0, 1] * q + room[0, 2] * r + px - points[0, a]
+        room[row, 1] = room[1, 0] * p + room[1, 1] * q + room[1, 2] * r + py - points[1, a]
+        room[row, 2] = room[2, 0] * p + room[2, 1] * q + room[2, 2] * r + pz - points[2, a]
+        count, x, y, z = _nearest(room, count + 1)
+        if count == 4 or x * x + y * y + z * z <= near * near:
+            return 0.0
+    return best
+
+
+@numba.njit(cache=True, inline="always")
+def _farthest(points: FloatArray, first: int, count: int, x: float, y: float, z: float) -> int:
+    """The corner of a hull that is farthest in a direction. Four runners, so that no comparison waits for the last."""
+    top, a = -1e30, first
+    top1, b, top2, c, top3, d = top, first, top, first, top, first
+    for i in range(first, first + count, 4):
+        along = points[0, i] * x + points[1, i] * y + points[2, i] * z
+        along1 = points[0, i + 1] * x + points[1, i + 1] * y + points[2, i + 1] * z
+        along2 = points[0, i + 2] * x + points[1, i + 2] * y + points[2, i + 2] * z
+        along3 = points[0, i + 3] * x + points[1, i + 3] * y + points[2, i + 3] * z
+        if along > top:
+            top, a = along, i
+        if along1 > top1:
+            top1, b = along1, i + 1
+        if along2 > top2:
+            top2, c = along2, i + 2
+        if along3 > top3:
+            top3, d = along3, i + 3
+    if top1 > top:
+        top, a = top1, b
+    if top2 > top:
+        top, a = top2, c
+    if top3 > top:
+        a = d
+    return a
+
+
+@numba.njit(cache=True)
+def _nearest(s: FloatArray, count: int) -> tuple[int, float, float, float]:
+    """The point of the simplex, `count` rows from `_SIMPLEX` on, that is nearest to the origin. It is cut down to the
+    corners that the point lies between; four corners are left only where the origin is inside."""
+    if count == 1:
+        return 1, s[_SIMPLEX, 0], s[_SIMPLEX, 1], s[_SIMPLEX, 2]
+    if count == 2:
+        return _on_segment(s, _SIMPLEX)
+    if count == 3:
+        return _on_triangle(s, _SIMPLEX)
+    return _in_tetrahedron(s)
+
+
+@numba.njit(cache=True)
+def _move(s: FloatArray, start: int, end: int) -> None:
+    s[end, 0], s[end, 1], s[end, 2] = s[start, 0], s[start, 1], s[start, 2]
+
+
+@numba.njit(cache=True)
+def _on_segment(s: FloatArray, o: int) -> tuple[int, float, float, float]:
+    x, y, z = s[o + 1, 0] - s[o, 0], s[o + 1, 1] - s[o, 1], s[o + 1, 2] - s[o, 2]
+    along = -(s[o, 0] * x + s[o, 1] * y + s[o, 2] * z)
+    length = x * x + y * y + z * z
+    if along <= 0.0 or length < 1e-24:
+        return 1, s[o, 0], s[o, 1], s[o, 2]
+    if along >= length:
+        _move(s, o + 1, o)
+        return 1, s[o, 0], s[o, 1], s[o, 2]
+    share = along / length
+    return 2, s[o, 0] + share * x, s[o, 1] + share * y, s[o, 2] + share * z
+
+
+@numba.njit(cache=True)
+def _on_triangle(s: FloatArray, o: int) -> tuple[int, float, float, float]:
+    abx, aby, abz = s[o + 1, 0] - s[o, 0], s[o + 1, 1] - s[o, 1], s[o + 1, 2] - s[o, 2]
+    acx, acy, acz = s[o + 2, 0] - s[o, 0], s[o + 2, 1] - s[o, 1], s[o + 2, 2] - s[o, 2]
+    d1 = -(abx * s[o, 0] + aby * s[o, 1] + abz * s[o, 2])
+    d2 = -(acx * s[o, 0] + acy * s[o, 1] + acz * s[o, 2])
+    if d1 <= 0.0 and d2 <= 0.0:
+        return 1, s[o, 0], s[o, 1], s[o, 2]
+    d3 = -(abx * s[o + 1, 0] + aby * s[o + 1, 1] + abz * s[o + 1, 2])
+    d4 = -(acx * s[o + 1, 0] + acy * s[o + 1, 1] + acz * s[o + 1, 2])
+    if d3 >= 0.0 and d4 <= d3:
+        _move(s, o + 1, o)
+        return 1, s[o, 0], s[o, 1], s[o, 2]
+    d5 = -(abx * s[o + 2, 0] + aby * s[o + 2, 1] + abz * s[o + 2, 2])
+    d6 = -(acx * s[o + 2, 0] + acy * s[o + 2, 1] + acz * s[o + 2, 2])
+    if d6 >= 0.0 and d5 <= d6:
+        _move(s, o + 2, o)
+        return 1, s[o, 0], s[o, 1], s[o, 2]
+    vc, vb, va = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        return _on_segment(s, o)
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        _move(s, o + 2, o + 1)
+        return _on_segment(s, o)
+    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        _move(s, o + 2, o)
+        return _on_segment(s, o)
+    whole = va + vb + vc
+    if whole < 1e-30:  # three points in a line
+        return _on_segment(s, o)
+    v, w = vb / whole, vc / whole
+    return 3, s[o, 0] + v * abx + w * acx, s[o, 1] + v * aby + w * acy, s[o, 2] + v * abz + w * acz
+
+
+_FACES: IntArray = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 3, 2, 0]])
+"""The corners of each face of a tetrahedron, and the one opposite."""
+
+
+@numba.njit(cache=True)
+def _in_tetrahedron(s: FloatArray) -> tuple[int, float, float, float]:
+    best, count, kept, x, y, z = 1e30, 4, 0, 0.0, 0.0, 0.0
+    for row in range(4):
+        a, b, c, d = (
+            _SIMPLEX + _FACES[row, 0],
+            _SIMPLEX + _FACES[row, 1],
+            _SIMPLEX + _FACES[row, 2],
+            _SIMPLEX + _FACES[row, 3],
+        )
+        ax, ay, az = s[a, 0], s[a, 1], s[a, 2]
+        ux, uy, uz = s[b, 0] - ax, s[b, 1] - ay, s[b, 2] - az
+        vx, vy, vz = s[c, 0] - ax, s[c, 1] - ay, s[c, 2] - az
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        inner = nx * (s[d, 0] - ax) + ny * (s[d, 1] - ay) + nz * (s[d, 2] - az)
+        outer = -(nx * ax + ny * ay + nz * az)
+        flat = inner * inner <= 1e-20 * (nx * nx + ny * ny + nz * nz)
+        if not flat and inner * outer >= 0.0:
+            continue  # the origin is on this face's inner side
+        _copy(s, row)
+        corners, px, py, pz = _on_triangle(s, _FACE)
+        away = px * px + py * py + pz * pz
+        if away < best:
+            best, count, kept, x, y, z = away, corners, row, px, py, pz
+    if count < 4:
+        # Once more, as only the corners of the nearest face are to be kept.
+        _copy(s, kept)
+        count, x, y, z = _on_triangle(s, _FACE)
+        for corner in range(3):
+            _move(s, _FACE + corner, _SIMPLEX + corner)
+    return count, x, y, z
+
+
+@numba.njit(cache=True)
+def _copy(s: FloatArray, face: int) -> None:
+    for corner in range(3):
+        _move(s, _SIMPLEX + _FACES[face, corner], _FACE + corner)
