@@ -1,260 +1,232 @@
-"""What a monitor makes of recorded looks; the closed loop is in benchmarks.closed_loop.
+"""What a monitor is worth: on looks whose truth is known, and in the closed loop.
 
-    python -m benchmarks.monitor                                    # made-up looks at states of the grocery domain
-    python -m benchmarks.monitor --evaluation FOLDER --data FOLDER  # a model's looks, and what was done between them
+    python -m benchmarks.monitor                # made-up looks, the symbolic world, the simulator with its oracle
+    python -m benchmarks.monitor --data home    # with the shipped eye, too, and what becomes of it on bad pictures
+    python -m benchmarks.monitor --data home --only looks --only symbolic       # without the long part
 
-Made up are random courses of actions, of which one in ten fails and after each of which someone may move an item, and
-what eyes of known quality say of the states on the way: plain answers that are turned around at some rate, and graded
-ones that are clear in some looks and muddled in others. A model's are those of an evaluation (`executive eval`) of a
-collection; half of its episodes say how far it can be trusted, the others are judged.
+`home` is a collection: `executive collect grocery --points 2000 --seed 9001 --out home` makes it. Half of its episodes
+say how far an eye can be trusted, the others are judged. Bad pictures are blurred, noisy or dark, each as much as it
+takes for the eye to be right about the whole state in half of the looks. The settings build on each other: the plain
+threshold of the paper; consistency by mutex groups; memory; looking again. In the closed loop all contenders meet the
+same faults. What is found is kept in a folder (`--out`): the same command goes on where it was left.
 
-- `state`: looks after which the whole state that would be planned from is right, of all.
-- `wrong`, `unknown`: looks after which something that is told is wrong, or something is not told.
-- `again`: the same with as many as three looks at a moment, as long as something is unknown; `looks` is how many.
+- `state`: looks after which the whole state that would be planned from is right; `wrong`, `unknown`: looks after which
+  something that is told is wrong, or something is not told; `looks`: how many at a moment, as long as it is unknown.
 - coverage: looks in which the truth of every atom of a predicate is in its conformal set, for the share that is asked.
+- `success`: the goal holds in truth and the run says so; `false`: it says so and it does not hold.
+- `missed`: of the actions after which not all is as expected, the share in whose cycle nothing of that is noticed;
+  `alarms`: of the actions after which all is as expected, the share whose cycle ends with a surprise.
+- `needless`: decisions a run to plan anew when what was left of the plan led to the goal from the true state.
+- `delay`: simulated seconds from a fault to the first sign of it that is true.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import json
+import shlex
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
-
+from benchmarks.monitored import contenders, figures, looks, spoiling, symbolic
+from benchmarks.monitored.courses import Ask, Course, courses, flipping, graded, recorded
+from executive import machine
+from executive.cli.frame import INTERRUPTED, ctrl_c
 from executive.domain import Domain, load_domain
-from executive.lab import dataset, evaluation_store
-from executive.monitor import EXACT, ActionModel, Eye, FusedMonitor, Monitor, Network, PlainMonitor, Reading
-from executive.monitor.conformal import covered
+from executive.errors import ExecutiveError
+from executive.lab.campaign.bench import Bench
+from executive.lab.campaign.crew import Processes
+from executive.lab.campaign.design import Campaign
+from executive.lab.campaign.episode import FAILED, Player, Simulated
+from executive.lab.campaign.rows import read_rows
+from executive.lab.progress import told
+from executive.lab.worker import cores
+from executive.monitor import EXACT, ActionModel, Eye, Network, Reading
 from executive.mutex import find_mutexes
-from executive.trust import fit, load_outcomes
-from executive.types import Atom, Belief, Facts, SkillResult, SkillStatus, Step
+from executive.trust import load_outcomes
 
-FLIPS = (0.0, 0.02, 0.05, 0.1)
-ASKED = (0.8, 0.9, 0.95)
-MOST_LOOKS = 3
-
-Answers = Mapping[Atom, float]
-Ask = Callable[[Facts], Answers]
-"""An eye: what it says of a state."""
+PARTS = ("looks", "symbolic", "simulator")
 
 
-class Moment(NamedTuple):
-    """What was done, in turn, since the moment before; what is so; and what was answered, if that is recorded."""
-
-    done: tuple[tuple[Step, SkillResult], ...]
-    facts: Facts
-    answers: Answers | None = None
+class StoppedError(Exception):
+    """Somebody pressed Ctrl-C; what was found is kept."""
 
 
-Course = Sequence[Moment]
+class Looks:
+    """The part about looks, and the eyes that it finds for the closed loop."""
+
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        self.eyes: list[contenders.Looking] = []
+        self.lines: list[looks.Line] = []
+        self.covered: list[looks.Coverage] = []
+        self.asked: list[spoiling.Asked] = []
+        domain = load_domain("grocery")
+        network = Network(domain.task.atoms, find_mutexes(domain.parsed).groups)
+        counts = {} if domain.outcomes is None else load_outcomes(domain.outcomes, domain.parsed.actions)
+        trusts: Path = arguments.out / "trust"
+        if arguments.data is None:  # skills in made-up courses are not those that were measured
+            self._made_up(domain, network, arguments.courses)
+            return
+        self.asked = spoiling.asked(arguments.data, arguments.looks, arguments.out / "looks", arguments.jobs)
+        for spoiled, evaluation in self.asked:
+            taken = recorded(domain, evaluation, arguments.data)
+            if not spoiled:
+                self._oracles(domain, network, ActionModel(counts), taken[1::2])
+                self.eyes.append(contenders.Looking(contenders.SHIPPED, "vlm"))
+            trust = looks.trusted(network, taken[::2])
+            if spoiled:
+                self.eyes.append(contenders.spoiled(spoiled, trust, trusts))
+            name = self.eyes[-1].name
+            for setting, monitor in looks.settings(domain, network, trust.eye, ActionModel(counts)):
+                self.lines.append(looks.Line(name, setting, looks.judged(monitor, taken[1::2]), None))
+            self.covered += looks.coverage(name, network, taken)
+
+    def _made_up(self, domain: Domain, network: Network, number: int) -> None:
+        taken = courses(domain, number, 20, 0)
+        self._oracles(domain, network, ActionModel(), taken)
+        name = "graded, often muddled"
+        eye = looks.trusted(network, courses(domain, 200, 20, 1), graded(0)).eye
+        self._line(domain, network, ActionModel(), taken, name, eye, graded(2))
+        self.covered += looks.coverage(name, network, courses(domain, 300, 20, 3), graded(4))
+
+    def _oracles(self, domain: Domain, network: Network, actions: ActionModel, taken: Sequence[Course]) -> None:
+        for flips in (0.0, *contenders.FLIPS):
+            name = contenders.flipped(flips) if flips else contenders.ORACLE
+            eye = Eye(other=Reading(flips, flips), alike=0.0) if flips else EXACT
+            self._line(domain, network, actions, taken, name, eye, flipping(flips, 0))
+
+    def _line(
+        self,
+        domain: Domain,
+        network: Network,
+        actions: ActionModel,
+        taken: Sequence[Course],
+        name: str,
+        eye: Eye,
+        ask: Ask,
+    ) -> None:
+        for setting, monitor in looks.settings(domain, network, eye, actions):
+            once, again = (looks.judged(monitor, taken, ask, most) for most in (1, looks.MOST_LOOKS))
+            self.lines.append(looks.Line(name, setting, once, again))
+
+    def part(self) -> Part:
+        """All of it."""
+        rates = {spoiled or "as they are": spoiling.exact(evaluation) for spoiled, evaluation in self.asked}
+        share = ", ".join(f"{name} {rate:.1%}" for name, rate in rates.items())
+        text = [
+            *([f"whole state right at the threshold 0.5, by how the pictures are: {share}"] if rates else []),
+            looks.head(),
+            *map(looks.told, self.lines),
+            "conformal coverage, asked and measured",
+            looks.told_coverage(self.covered),
+        ]
+        lines = [
+            {"eye": line.eye, "setting": line.setting, "once": line.once._asdict(),
+             "again": line.again._asdict() if line.again else None}
+            for line in self.lines
+        ]  # fmt: skip
+        document = {"exact_state": rates, "looks": lines, "coverage": [each._asdict() for each in self.covered]}
+        return Part("\n".join(text), document, figures.of_looks(self.lines, self.covered))
 
 
-class Figures(NamedTuple):
-    """Shares of the moments, and looks a moment."""
+class Part(NamedTuple):
+    """What was found in a part of the benchmark: as text, as JSON, and held against what was to be reached."""
 
-    state: float
-    wrong: float
-    unknown: float
-    looks: float
-
-
-def courses(domain: Domain, number: int, length: int, seed: int) -> list[Course]:
-    """Random courses through the states of a domain of items, tables and a gripper."""
-    return [_course(domain, length, np.random.default_rng([seed, each])) for each in range(number)]
+    text: str
+    document: dict[str, Any]
+    targets: list[figures.Target]
 
 
-def _course(domain: Domain, length: int, rng: np.random.Generator) -> Course:
-    items = [name for name, kind in domain.task.objects.items() if kind == "item"]
-    tables = [name for name, kind in domain.task.objects.items() if kind == "table"]
-    where = {item: str(rng.choice(tables)) for item in items}
+def parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Part]]:
+    """Each part that is asked for, by its name, as it is found.
 
-    def facts() -> Facts:
-        true = {Atom("on-table", (item, place)) for item, place in where.items() if place in tables}
-        true |= {Atom("robot-gripping", (item,)) for item, place in where.items() if place == "hand"}
-        if "hand" not in where.values():
-            true.add(Atom("robot-gripper-empty"))
-        return Facts.closed(true, domain.task.atoms)
-
-    course = [Moment((), facts())]
-    for _ in range(length):
-        held = next((item for item in items if where[item] == "hand"), "")
-        lying = [item for item in items if where[item] in tables]
-        if not held and not lying:
-            break
-        item = held or str(rng.choice(lying))
-        action, table = ("place", str(rng.choice(tables))) if held else ("pick", where[item])
-        step = domain.parsed.ground(action, (item, table))
-        status = _carried_out(step, where, tables, rng)
-        if rng.random() < 0.05:
-            shoved = str(rng.choice([other for other in items if where[other] != "hand"]))
-            where[shoved] = str(rng.choice(tables))
-        course.append(Moment(((step, SkillResult(step, status)),), facts()))
-    return course
-
-
-def _carried_out(step: Step, where: dict[str, str], tables: Sequence[str], rng: np.random.Generator) -> SkillStatus:
-    """Do the step, or fail: nine times in ten it works, else nothing happens or the item ends up somewhere. Skills tell
-    half of the time when that is so."""
-    item, chance = step.args[0], rng.random()
-    if chance < 0.9:
-        where[item] = "hand" if step.action == "pick" else step.args[1]
-        return SkillStatus.DONE
-    noticed = rng.random() < 0.5
-    if chance < 0.95:
-        return SkillStatus.NO_PATH if noticed else SkillStatus.DONE
-    where[item] = str(rng.choice([*tables, "floor"]))
-    return SkillStatus.DROPPED if noticed else SkillStatus.DONE
-
-
-def recorded(domain: Domain, evaluation: Path, data: Path) -> list[Course]:
-    """The looks of an evaluation, episode by episode, with all that was done in between."""
-    kept, manifest = evaluation_store.load(evaluation), dataset.read_manifest(data)
-    collection, looks = dataset.digest(manifest["collection"]), {each: row for row, each in enumerate(kept.looks)}
-    found: list[Course] = []
-    for episode in range(manifest["statistics"]["episodes"]):
-        course: list[Moment] = []
-        done: list[tuple[Step, SkillResult]] = []
-        step_number = 0
-        for attempt in dataset.read_log(data, collection, episode).attempts:
-            named = Atom.parse(attempt.action)
-            step = domain.parsed.ground(named.predicate, named.args)
-            done.append((step, SkillResult(step, SkillStatus(attempt.status))))
-            step_number += attempt.done
-            row = looks.get((episode, step_number)) if attempt.done else None
-            if row is not None:
-                said, true = kept.answers.probability[row], kept.answers.truth[row]
-                answered = {a: float(p) for a, p in zip(kept.answers.atoms, said, strict=True) if not np.isnan(p)}
-                truth = Facts(dict(zip(kept.answers.atoms, map(bool, true), strict=True)))
-                course.append(Moment(tuple(done), truth, answered))
-                done = []
-        if course:
-            found.append(course)
-    return found
-
-
-def flipping(flips: float, seed: int) -> Ask:
-    """Plain answers, each turned around with the same chance."""
-    rng = np.random.default_rng([seed, round(1000 * flips)])
-    return lambda facts: {atom: float(value != (rng.random() < flips)) for atom, value in facts.items()}
-
-
-def graded(seed: int, clear: float = 3.4, spread: float = 1.1) -> Ask:
-    """Probabilities of an eye that sees some moments better than others, and says so as a rule."""
-    rng = np.random.default_rng(seed)
-
-    def ask(facts: Facts) -> Answers:
-        clarity = max(0.0, rng.normal(clear, spread))
-        odds = {atom: (1 if value else -1) * clarity + rng.normal(0.0, 1.6) for atom, value in facts.items()}
-        return {atom: 1 / (1 + math.exp(-value)) for atom, value in odds.items()}
-
-    return ask
-
-
-def judged(monitor: Monitor, taken: Sequence[Course], ask: Ask | None = None, most_looks: int = 1) -> Figures:
-    """How the monitor does on some courses; without an eye, on their recorded answers."""
-    right = wrong = unknown = looks = moments = 0
-    for course in taken:
-        memory = monitor.begin()
-        for cycle, moment in enumerate(course):
-            for step, result in moment.done:
-                memory = monitor.acted(memory, step, result)
-            for _ in range(most_looks):
-                answers = ask(moment.facts) if ask else moment.answers or {}
-                memory, judgement = monitor.looked(memory, Belief(looks, answers), cycle)
-                looks += 1
-                if len(judgement.seen) == len(moment.facts):
-                    break
-            moments += 1
-            right += judgement.state == moment.facts
-            wrong += not moment.facts.entails(judgement.seen)
-            unknown += len(judgement.seen) < len(moment.facts)
-    return Figures(right / moments, wrong / moments, unknown / moments, looks / moments)
-
-
-def settings(domain: Domain, network: Network, eye: Eye, actions: ActionModel) -> Iterator[tuple[str, Monitor]]:
-    yield "plain threshold", PlainMonitor(domain.task.atoms)
-    yield "+ consistency", FusedMonitor(network, eye, actions=None)
-    yield "+ memory", FusedMonitor(network, eye, actions)
-
-
-HEAD = (
-    f"{'eye':<22}{'setting':<18}{'state':>8}{'wrong':>8}{'unknown':>9}   {'again: state':>13}{'wrong':>8}{'looks':>7}"
-)
-
-
-def row(eye: str, setting: str, one: Figures, more: Figures | None) -> str:
-    line = f"{eye:<22}{setting:<18}{one.state:>8.1%}{one.wrong:>8.1%}{one.unknown:>9.1%}"
-    return line if more is None else f"{line}   {more.state:>13.1%}{more.wrong:>8.1%}{more.looks:>7.2f}"
-
-
-def labelled(taken: Sequence[Course], ask: Ask | None) -> list[tuple[Answers, Facts]]:
-    return [(ask(m.facts) if ask else m.answers or {}, m.facts) for course in taken for m in course]
-
-
-def coverage(network: Network, calibration: Sequence[Course], taken: Sequence[Course], ask: Ask | None) -> None:
-    """Print asked and measured coverage of looks as a run without memory judges them."""
-    trust = fit(labelled(calibration, ask), network)
-    monitor = FusedMonitor(network, trust.eye, actions=None)
-    looks = [
-        (monitor.looked(monitor.begin(), Belief(-1, answers), 0)[1].belief.probability, facts)
-        for answers, facts in labelled(taken, ask)
-    ]
-    names = sorted(trust.conformal.scores)
-    print(f"\nconformal coverage over {len(looks)} looks ({len(trust.conformal.scores[names[0]])} to calibrate with)")
-    print(f"{'asked':>8}" + "".join(f"{name:>24}" for name in names))
-    for asked in ASKED:
-        shares = covered(trust.conformal, 1 - asked, looks)
-        print(f"{asked:>8.0%}" + "".join(f"{shares[name]:>24.1%}" for name in names))
-
-
-def made_up(domain: Domain, network: Network, actions: ActionModel, number: int, seed: int) -> None:
-    taken = courses(domain, number, 20, seed)
-    print(f"made-up looks: {sum(map(len, taken))} moments of {number} courses\n{HEAD}")
-    for flips in FLIPS:
-        eye = Eye(other=Reading(flips, flips), alike=0.0) if flips else EXACT
-        for setting, monitor in settings(domain, network, eye, actions):
-            one, more = (judged(monitor, taken, flipping(flips, seed), most) for most in (1, MOST_LOOKS))
-            print(row(f"{flips:.0%} flipped" if flips else "oracle", setting, one, more), flush=True)
-    calibration = courses(domain, 200, 20, seed + 1)
-    eye = fit(labelled(calibration, graded(seed)), network).eye
-    for setting, monitor in settings(domain, network, eye, actions):
-        one, more = (judged(monitor, taken, graded(seed + 2), most) for most in (1, MOST_LOOKS))
-        print(row("graded, often muddled", setting, one, more), flush=True)
-    coverage(network, calibration, courses(domain, 100, 20, seed + 3), graded(seed + 4))
-
-
-def of_a_model(domain: Domain, network: Network, actions: ActionModel, taken: Sequence[Course]) -> None:
-    calibration, rest = taken[::2], taken[1::2]
-    eye = fit(labelled(calibration, None), network).eye
-    print(f"a model's looks: {sum(map(len, rest))} moments of {len(rest)} episodes\n{HEAD}")
-    for setting, monitor in settings(domain, network, eye, actions):
-        print(row("model", setting, judged(monitor, rest), None), flush=True)
-    coverage(network, calibration, rest, None)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--courses", type=int, default=30, help="made-up courses of 20 actions")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--evaluation", type=Path, help="the folder of an evaluation of the grocery domain")
-    parser.add_argument("--data", type=Path, help="the collection that it evaluates")
-    arguments = parser.parse_args()
-    if (arguments.evaluation is None) != (arguments.data is None):
-        parser.error("--evaluation and --data go together")
-    began, domain = time.perf_counter(), load_domain("grocery")
-    network = Network(domain.task.atoms, find_mutexes(domain.parsed).groups)
-    counts = {} if domain.outcomes is None else load_outcomes(domain.outcomes, domain.parsed.actions)
-    if arguments.evaluation is None:  # skills in the made-up courses are not those that were measured
-        made_up(domain, network, ActionModel(), arguments.courses, arguments.seed)
+    Raises:
+        InputError: the collection is none, or a folder holds something else.
+        StoppedError: somebody pressed Ctrl-C.
+    """
+    only = arguments.only or PARTS
+    eyes = contenders.oracles(arguments.out / "trust")
+    if "looks" in only or (arguments.data is not None and "simulator" in only):
+        found = Looks(arguments)
+        eyes_there = [*eyes, *found.eyes]
+        if "looks" in only:
+            yield "looks", found.part()
     else:
-        taken = recorded(domain, arguments.evaluation, arguments.data)
-        of_a_model(domain, network, ActionModel(counts), taken)
-    print(f"{time.perf_counter() - began:.0f} s")
+        eyes_there = eyes
+    if "symbolic" in only:
+        campaign = contenders.campaign([symbolic.PLACE], eyes, arguments.symbolic_seeds, arguments.fault)
+        yield "symbolic", _loop("symbolic", campaign, symbolic.player, arguments)
+    if "simulator" in only:
+        places = contenders.grocery(arguments.problem or ["breakfast"])
+        campaign = contenders.campaign(places, eyes_there, arguments.seeds, arguments.fault)
+        yield "simulator", _loop("simulator", campaign, Simulated, arguments)
+
+
+def _loop(part: str, campaign: Campaign, prepare: Callable[[Path], Player], arguments: argparse.Namespace) -> Part:
+    """A campaign, all of it played."""
+    out = arguments.out / part
+    with Bench(campaign, out, shlex.join(sys.argv), lambda line: print(line, file=sys.stderr)) as work:
+        wanted = work.wanted()
+        if work.missing(wanted):
+            crew = Processes(partial(prepare, work.work), arguments.jobs, 60 * campaign.minutes)
+            with crew, ctrl_c(work.cancel), told(sys.stderr, f"{part} episodes") as watch:
+                if not work.play(wanted, crew, watch):
+                    raise StoppedError
+    rows = read_rows(out, lambda line: None)
+    played = [rows[episode.key] for episode in wanted]
+    scores = figures.scores(played)
+    failed = [row for row in played if row.outcome == FAILED]
+    minutes = sum(row.wall_seconds for row in played) / 60
+    lines = [
+        f"{', '.join(map(str, campaign.places))}; faults: {', '.join(campaign.faults['faults'])}",
+        figures.table(scores),
+        f"{len(played)} episodes took {minutes:.0f} minutes, one after the other",
+        *(f"could not be played: {row.command}: {row.error}" for row in failed),
+    ]
+    document = {"episodes": figures.document(scores), "failed": len(failed), "minutes": round(minutes, 1)}
+    return Part("\n".join(lines), document, figures.of_loop(part, scores))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, help="a collection of the grocery domain; made by executive collect")
+    parser.add_argument("--only", action="append", choices=PARTS, help="this part; repeat it for more")
+    parser.add_argument("--looks", type=int, help="only the first so many of the collection")
+    parser.add_argument("--courses", type=int, default=30, help="made-up courses of 20 actions, without --data")
+    parser.add_argument("--seeds", type=int, default=10, help="in the simulator, of each contender")
+    parser.add_argument("--symbolic-seeds", type=int, default=200, help="in the symbolic world")
+    parser.add_argument("--problem", action="append", help="of the grocery domain: breakfast if not given; repeat it")
+    parser.add_argument("--fault", action="append", help=f"{', '.join(contenders.FAULTS)} if none is given")
+    parser.add_argument("--jobs", type=int, default=cores())
+    parser.add_argument("--out", type=Path, default=Path("campaigns/monitor"), help="what is found is kept here")
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    documents: dict[str, Any] = {}
+    targets: list[figures.Target] = []
+    try:
+        machine.require()
+        for name, part in parts(arguments):
+            documents[name] = part.document
+            targets += part.targets
+            if not arguments.json:
+                print(f"== {name}\n{part.text}\n", flush=True)
+    except StoppedError:
+        print("interrupted; what was found is kept, the same command goes on", file=sys.stderr)
+        return INTERRUPTED
+    except ExecutiveError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.exit_code
+    if arguments.json:
+        print(json.dumps({**documents, "targets": [target._asdict() for target in targets]}, indent=2))
+        return 0
+    print(f"== to be reached\n{figures.told(targets)}")
+    if arguments.data is None:
+        print("the eye that comes along takes part with --data")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,0 +1,114 @@
+"""Who meets the same faults in the closed loop: eyes of known and unknown quality, each with monitors that build on
+each other. Every episode is a run that `executive run` would repeat, by the command in its row."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+from executive import trust
+from executive.domain import load_domain
+from executive.eye import EyeConfig
+from executive.lab.campaign.design import Campaign, Contender, Place
+from executive.lab.campaign.reading import model_digest
+from executive.monitor.conformal import Conformal
+from executive.monitor.eye import Eye, Reading
+from executive.monitoring import MonitorConfig
+from executive.trust import Trust
+
+FLIPS = (0.02, 0.05, 0.1)
+PLAIN, CONSISTENT, REMEMBERING, FULL = "plain threshold", "+ consistency", "+ memory", "+ looking again"
+SETTINGS = (PLAIN, CONSISTENT, REMEMBERING, FULL)
+ORACLE, SHIPPED = "oracle", "shipped eye"
+FAULTS = ("drop:p=0.15", "miss:p=0.1", "shove:p=0.05")
+PREDICATES = {
+    "grocery": ("on-table", "robot-gripping", "robot-gripper-empty"),
+    "things": ("at", "held", "free"),
+}
+
+_JUDGES = {
+    PLAIN: MonitorConfig(threshold=0.5),
+    CONSISTENT: MonitorConfig(memory=False),
+    REMEMBERING: MonitorConfig(),
+    FULL: MonitorConfig(),
+}
+
+
+class Looking(NamedTuple):
+    """An eye: by its name, how it comes to err, and the file that says how far it can be trusted (None: as far as what
+    it is made of says)."""
+
+    name: str
+    kind: str
+    faults: tuple[str, ...] = ()
+    trust: Path | None = None
+
+
+def flipped(share: float) -> str:
+    return f"{share:.0%} flipped"
+
+
+def oracles(folder: Path) -> list[Looking]:
+    """The oracle as it is, and with shares of its answers turned around; files of trust go into the folder."""
+    made = [Looking(ORACLE, "oracle")]
+    for share in FLIPS:
+        file = folder / f"flipped-{share:g}.json"
+        for domain, predicates in PREDICATES.items():
+            readings = dict.fromkeys(predicates, Reading(share, share))
+            trust.save(file, domain, Trust(Eye(readings, alike=0.0), Conformal(), 0))
+        made.append(Looking(flipped(share), "oracle", (f"estimator:wrong,share={share:g}@0-",), file))
+    return made
+
+
+def spoiled(way: str, known: Trust, folder: Path) -> Looking:
+    """The shipped eye whose pictures are spoiled, such as blurred=5, with what was learned of it."""
+    draft = trust.save(folder / "draft.json", "grocery", known)
+    file = folder / f"{way}-{zlib.crc32(draft.read_bytes()):08x}.json"  # another trust is another contender
+    draft.replace(file)
+    how, _, amount = way.partition("=")
+    return Looking(f"eye, {how} {amount}", "vlm", (f"camera:{how},amount={amount}@0-",), file)
+
+
+def campaign(places: Sequence[Place], eyes: Sequence[Looking], seeds: int, faults: Sequence[str] | None) -> Campaign:
+    """All eyes with all settings, and `FAULTS` where none are given."""
+    return Campaign(
+        title="What a monitor is worth",
+        seeds=tuple(range(seeds)),
+        places=tuple(places),
+        contenders=tuple(_contender(eye, setting) for eye in eyes for setting in SETTINGS),
+        faults=MappingProxyType({"faults": tuple(faults or FAULTS)}),
+        options=MappingProxyType({"max_actions": 60}),
+    )
+
+
+def grocery(problems: Sequence[str]) -> list[Place]:
+    """Problems of the grocery domain.
+
+    Raises:
+        InputError: there is no such problem.
+    """
+    return [Place("grocery", name, "grocery", name, load_domain("grocery", name).fingerprint()) for name in problems]
+
+
+def _contender(eye: Looking, setting: str) -> Contender:
+    judge, model = _JUDGES[setting], ""
+    if eye.trust is not None and setting != PLAIN:
+        judge = replace(judge, trust=eye.trust)
+    if eye.kind == "vlm":
+        from executive.eye import shipped
+
+        model = model_digest(Path(str(shipped("grocery"))))
+    return Contender(
+        eye.name,
+        setting,
+        eye.kind,
+        EyeConfig() if eye.kind == "vlm" else None,
+        judge,
+        model,
+        {} if setting == FULL else {"max_looks_again": 0},
+        eye.faults,
+    )

@@ -1,0 +1,136 @@
+"""What a monitor makes of looks, and how well conformal prediction keeps its promise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.monitored.courses import Answers, Ask, Course
+from executive.domain import Domain
+from executive.monitor import ActionModel, Eye, FusedMonitor, Monitor, Network, PlainMonitor
+from executive.monitor.conformal import Conformal, look_scores
+from executive.trust import Trust, fit
+from executive.types import Belief, Facts
+
+ASKED = (0.8, 0.9, 0.95)
+MOST_LOOKS = 3
+SPLITS = 200
+
+
+class Figures(NamedTuple):
+    """Shares of the moments, and looks a moment: the whole state that would be planned from is right; something that is
+    told is wrong; something is not told."""
+
+    state: float
+    wrong: float
+    unknown: float
+    looks: float
+
+
+class Line(NamedTuple):
+    """One eye with one setting: with one look at each moment, and with as many as `MOST_LOOKS` as long as something is
+    unknown (None where there is but one)."""
+
+    eye: str
+    setting: str
+    once: Figures
+    again: Figures | None
+
+
+class Coverage(NamedTuple):
+    """The share of looks in which the truth of each atom of a predicate is in its conformal set: asked and measured."""
+
+    eye: str
+    predicate: str
+    asked: float
+    measured: float
+
+
+def judged(monitor: Monitor, taken: Sequence[Course], ask: Ask | None = None, most_looks: int = 1) -> Figures:
+    """How the monitor does on some courses; without an eye, on their recorded answers."""
+    right = wrong = unknown = looks = moments = 0
+    for course in taken:
+        memory = monitor.begin()
+        for cycle, moment in enumerate(course):
+            for step, result in moment.done:
+                memory = monitor.acted(memory, step, result)
+            for _ in range(most_looks):
+                answers = ask(moment.facts) if ask else moment.answers or {}
+                memory, judgement = monitor.looked(memory, Belief(looks, answers), cycle)
+                looks += 1
+                if len(judgement.seen) == len(moment.facts):
+                    break
+            moments += 1
+            right += judgement.state == moment.facts
+            wrong += not moment.facts.entails(judgement.seen)
+            unknown += len(judgement.seen) < len(moment.facts)
+    return Figures(right / moments, wrong / moments, unknown / moments, looks / moments)
+
+
+def settings(domain: Domain, network: Network, eye: Eye, actions: ActionModel) -> Iterator[tuple[str, Monitor]]:
+    yield "plain threshold", PlainMonitor(domain.task.atoms)
+    yield "+ consistency", FusedMonitor(network, eye, actions=None)
+    yield "+ memory", FusedMonitor(network, eye, actions)
+
+
+def trusted(network: Network, taken: Sequence[Course], ask: Ask | None = None) -> Trust:
+    """How far an eye can be trusted, by what it says of some courses."""
+    return fit([look for course in taken for look in _labelled(course, ask)], network)
+
+
+def coverage(name: str, network: Network, taken: Sequence[Course], ask: Ask | None = None) -> list[Coverage]:
+    """Measured as a run without memory judges looks. What the answers are worth is learned from every third course; the
+    others calibrate and are judged, in `SPLITS` random halves: courses are as good as exchangeable, looks of one are
+    not, and a single split would say more about chance than about the method."""
+    eye = trusted(network, taken[::3], ask).eye
+    monitor = FusedMonitor(network, eye, actions=None)
+    scored = []
+    for number, course in enumerate(taken):
+        if number % 3:
+            looks = [
+                (monitor.looked(monitor.begin(), Belief(-1, answers), 0)[1].belief.probability, facts)
+                for answers, facts in _labelled(course, ask)
+            ]
+            scored.append([look_scores(probability, facts) for probability, facts in looks])
+    names = sorted({name for course in scored for look in course for name in look})
+    shares: dict[tuple[str, float], list[float]] = {}
+    rng = np.random.default_rng(0)
+    for _ in range(SPLITS):
+        order = rng.permutation(len(scored))
+        half = len(scored) // 2
+        for predicate in names:
+            known, new = (
+                [look[predicate] for place in places for look in scored[place] if predicate in look]
+                for places in (order[:half], order[half:])
+            )
+            conformal = Conformal({predicate: tuple(known)})
+            for asked in ASKED:
+                held = np.array(new) <= conformal.quantile(predicate, 1.0 - asked)
+                shares.setdefault((predicate, asked), []).append(float(held.mean()))
+    return [Coverage(name, predicate, asked, float(np.mean(each))) for (predicate, asked), each in shares.items()]
+
+
+def head() -> str:
+    title = f"{'eye':<24}{'setting':<18}{'state':>8}{'wrong':>8}{'unknown':>9}"
+    return f"{title}   {f'{MOST_LOOKS} looks: state':>16}{'wrong':>8}{'looks':>7}"
+
+
+def told(line: Line) -> str:
+    once, again = line.once, line.again
+    text = f"{line.eye:<24}{line.setting:<18}{once.state:>8.1%}{once.wrong:>8.1%}{once.unknown:>9.1%}"
+    return text if again is None else f"{text}   {again.state:>16.1%}{again.wrong:>8.1%}{again.looks:>7.2f}"
+
+
+def told_coverage(found: Sequence[Coverage]) -> str:
+    names = sorted({each.predicate for each in found})
+    lines = [f"{'eye':<24}{'asked':>8}" + "".join(f"{name:>24}" for name in names)]
+    table = {(each.eye, each.asked, each.predicate): each.measured for each in found}
+    for eye, asked in dict.fromkeys((each.eye, each.asked) for each in found):
+        lines.append(f"{eye:<24}{asked:>8.0%}" + "".join(f"{table[eye, asked, name]:>24.1%}" for name in names))
+    return "\n".join(lines)
+
+
+def _labelled(course: Course, ask: Ask | None) -> list[tuple[Answers, Facts]]:
+    return [(ask(moment.facts) if ask else moment.answers or {}, moment.facts) for moment in course]
