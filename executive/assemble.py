@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from executive import machine
 from executive.attention import Attention
 from executive.configuration import CONFIG, ESTIMATORS, RunConfig, make_folder, read_config
 from executive.course import Course
@@ -117,6 +118,7 @@ class Run:
         for sink in self._sinks:
             sink.close()
         self.world.close()
+        machine.give_back_memory()
 
     def cancel(self, why: str = INTERRUPTED) -> None:
         """Have the arm stop and the run end as interrupted; safe to call from a signal handler."""
