@@ -13,7 +13,7 @@ import os
 import random
 import tempfile
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,9 +44,9 @@ TOGETHER = 0.8
 _FORMAT = 1
 _LARGEST = 20_000_000
 _ABOUT = (
-    "How far this model's answers can be trusted (executive.trust), by domain and predicate: an answer's evidence is "
-    "slope * log-odds + bias, and no more than false_alarms and misses allow; scores are the nonconformity of "
-    "calibration looks (executive.monitor.conformal)."
+    "How far this model's answers can be trusted (executive.trust), by domain, predicate and atom: the evidence of an "
+    "answer is slope * log-odds + bias, and no more than false_alarms and misses allow; scores are the nonconformity "
+    "of calibration looks (executive.monitor.conformal)."
 )
 
 
@@ -59,50 +59,70 @@ class Trust:
     looks: int
 
 
-def fit(looks: Sequence[tuple[Mapping[Atom, float], Mapping[Atom, bool]]], network: Network) -> Trust:
-    """Learn from labelled looks: the probability of each answered atom, as a run would get it, and the truth.
+Look = tuple[Mapping[Atom, float], Mapping[Atom, bool]]
+"""The probability of each answered atom, as a run would get it, and the truth."""
+
+
+def fit(looks: Sequence[Look], network: Network) -> Trust:
+    """Learn from labelled looks.
 
     What answers are worth is learned from half of the looks, drawn by a seed (not every other one: looks alternate, as
-    picks and places do). The rest is for thresholds: each of these looks is made consistent by the mutex groups of
-    `network`, as in a run, and scored. Their order matters only for which goes where.
+    picks and places do): by predicate and, leaning on that where there are few, for each atom alone. The rest is for
+    thresholds: each of these looks is made consistent by the mutex groups of `network`, as in a run, and scored. Their
+    order matters only for which goes where.
 
     Raises:
         InputError: there are fewer than two looks with answers.
     """
-    from executive.s3e.calibration import PRIOR as LEANING
-    from executive.s3e.calibration import fit as fit_calibration
-
     kept = [(probability, truth) for probability, truth in looks if probability.keys() & truth.keys()]
     if len(kept) < 2:
         raise InputError("there is nothing to learn from: fewer than two looks have answers and labels")
     shuffled = random.Random(0).sample(kept, len(kept))
     for_eye, for_thresholds = shuffled[::2], shuffled[1::2]
-    scaling = fit_calibration([(Belief(-1, probability), truth) for probability, truth in for_eye])
-    readings = {}
-    for predicate, correction in scaling.predicates.items():
-        pairs = [
-            (probability[atom], truth[atom])
-            for probability, truth in for_eye
-            for atom in probability
-            if atom.predicate == predicate and atom in truth
-        ]
-        misses = _rate([value < 0.5 for value, true in pairs if true], Reading().misses)
-        false_alarms = _rate([value >= 0.5 for value, true in pairs if not true], Reading().false_alarms)
-        if misses + false_alarms >= 0.99:  # the answers say nothing, or the opposite
-            misses = false_alarms = 0.495
-        # How often atoms were true is in the correction, and no part of what an answer is worth. A predicate that has
-        # few of either kind leans on all of them there, and so it does here.
-        rarer = min(correction.true, correction.false)
-        own, shared = _log_odds(correction), _log_odds(scaling.shared)
-        bias = correction.bias - (rarer * own + LEANING * shared) / (rarer + LEANING)
-        readings[predicate] = Reading(false_alarms, misses, correction.slope, bias)
-    eye = Eye(readings, alike=TOGETHER, lasting=TOGETHER)
+    there = sorted({atom for probability, truth in for_eye for atom in probability if atom in truth})
+    readings = _readings(for_eye, {atom: atom.predicate for atom in there}, Reading())
+    single: dict[Atom, Reading] = {}
+    for predicate, reading in readings.items():
+        of_it = {atom: f"{predicate}-{number}" for number, atom in enumerate(there) if atom.predicate == predicate}
+        if len(of_it) > 1:
+            found = _readings(for_eye, of_it, reading)
+            single |= {atom: found[name] for atom, name in of_it.items()}
+    eye = Eye(readings, alike=TOGETHER, lasting=TOGETHER, atoms=single)
     monitor = FusedMonitor(network, eye, actions=None)
     judged = [
         (monitor.looked(monitor.begin(), Belief(-1, probability), 0)[1].belief.probability, truth)
         for probability, truth in for_thresholds
     ]
     return Trust(eye, Conformal.of(judged), len(kept))
+
+
+def _readings(looks: Sequence[Look], names: Mapping[Atom, str], assumed: Reading) -> dict[str, Reading]:
+    """What answers are worth in each group of atoms, by the name that its atoms have. Where few were measured, rates
+    lean on those that are assumed, the rest on what all groups have in common."""
+    from executive.s3e.calibration import PRIOR as LEANING
+    from executive.s3e.calibration import fit as fit_calibration
+
+    renamed, pairs = [], {name: list[tuple[float, bool]]() for name in names.values()}
+    for probability, truth in looks:
+        told = {atom: value for atom, value in probability.items() if atom in names and atom in truth}
+        for atom, value in told.items():
+            pairs[names[atom]].append((value, truth[atom]))
+        new = {atom: Atom(names[atom], atom.args) for atom in told}
+        renamed.append((Belief(-1, {new[atom]: p for atom, p in told.items()}), {new[a]: truth[a] for a in told}))
+    scaling = fit_calibration(renamed)
+    readings = {}
+    for name, correction in scaling.predicates.items():
+        misses = _rate([value < 0.5 for value, true in pairs[name] if true], assumed.misses)
+        false_alarms = _rate([value >= 0.5 for value, true in pairs[name] if not true], assumed.false_alarms)
+        if misses + false_alarms >= 0.99:  # the answers say nothing, or the opposite
+            misses = false_alarms = 0.495
+        # How often atoms were true is in the correction, and no part of what an answer is worth. A group that has few
+        # of either kind leans on all of them there, and so it does here.
+        rarer = min(correction.true, correction.false)
+        own, shared = _log_odds(correction), _log_odds(scaling.shared)
+        bias = correction.bias - (rarer * own + LEANING * shared) / (rarer + LEANING)
+        readings[name] = Reading(false_alarms, misses, correction.slope, bias)
+    return readings
 
 
 def _log_odds(labels: Scaling) -> float:
@@ -150,11 +170,14 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class _Predicate(_Table):
+class _Reading(_Table):
     false_alarms: float
     misses: float
     slope: float
     bias: float
+
+
+class _Predicate(_Reading):
     scores: list[float] = []
 
 
@@ -163,6 +186,7 @@ class _Domain(_Table):
     alike: float
     lasting: float = TOGETHER
     predicates: dict[str, _Predicate]
+    atoms: dict[str, _Reading] = {}
 
 
 class _Document(_Table):
@@ -181,17 +205,15 @@ def save(path: Path, domain: str, trust: Trust) -> Path:
     file = path / FILE if os.path.isdir(path) else path
     domains = dict(_read(file).domains) if os.path.exists(file) else {}
     predicates = {
-        name: _Predicate(
-            false_alarms=reading.false_alarms,
-            misses=reading.misses,
-            slope=reading.slope,
-            bias=reading.bias,
-            scores=[round(score, 9) for score in trust.conformal.scores.get(name, ())],
-        )
+        name: _Predicate(**asdict(reading), scores=[round(score, 9) for score in trust.conformal.scores.get(name, ())])
         for name, reading in sorted(trust.eye.readings.items())
     }
     domains[domain] = _Domain(
-        looks=trust.looks, alike=trust.eye.alike, lasting=trust.eye.lasting, predicates=predicates
+        looks=trust.looks,
+        alike=trust.eye.alike,
+        lasting=trust.eye.lasting,
+        predicates=predicates,
+        atoms={str(atom): _Reading(**asdict(reading)) for atom, reading in sorted(trust.eye.atoms.items())},
     )
     document = _Document(about=_ABOUT, format=_FORMAT, domains=dict(sorted(domains.items())))
     try:
@@ -222,16 +244,22 @@ def load(path: Path, domain: str) -> Trust:
     if domain not in domains:
         raise InputError(f"says nothing of the domain {domain!r}; {nearest(domain, domains)}", file=file, key="domains")
     table = domains[domain]
-    readings, scores = {}, {}
+    readings, scores, atoms = {}, {}, {}
     for name, said in table.predicates.items():
         try:
-            readings[name] = Reading(said.false_alarms, said.misses, said.slope, said.bias)
+            readings[name] = _reading(said)
             if said.scores:
                 scores[name] = Conformal({name: tuple(said.scores)}).scores[name]
         except ValueError as error:
             raise InputError(str(error), file=file, key=f"domains.{domain}.predicates.{name}") from None
+    for name, single in table.atoms.items():
+        try:
+            atoms[Atom.parse(name)] = _reading(single)
+        except ValueError as error:
+            raise InputError(str(error), file=file, key=f"domains.{domain}.atoms.{name}") from None
     try:
-        return Trust(Eye(readings, alike=table.alike, lasting=table.lasting), Conformal(scores), table.looks)
+        eye = Eye(readings, alike=table.alike, lasting=table.lasting, atoms=atoms)
+        return Trust(eye, Conformal(scores), table.looks)
     except ValueError as error:
         raise InputError(str(error), file=file, key=f"domains.{domain}") from None
 
@@ -240,6 +268,10 @@ def beside(vlm: str | None) -> Path | None:
     """The file beside a model's folder, if there is one."""
     file = None if vlm is None else home(vlm) / FILE
     return file if file is not None and os.path.isfile(file) else None
+
+
+def _reading(said: _Reading) -> Reading:
+    return Reading(said.false_alarms, said.misses, said.slope, said.bias)
 
 
 def _read(file: Path) -> _Document:

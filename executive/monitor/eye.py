@@ -54,7 +54,8 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Eye:
-    """The readings of one eye, by predicate, and `other` for those that were not measured.
+    """The readings of one eye, by predicate, and `other` for those that were not measured. `atoms` are those of single
+    atoms, which go before: an eye may see all items on a table but one, and its no to that one is worth nothing.
 
     `alike` says how much two looks at the same moment err together: 0 where every look errs on its own, 1 where looking
     again shows the same mistakes again. `lasting` says it of looks at different moments, at what no action has touched
@@ -65,6 +66,7 @@ class Eye:
     other: Reading = field(default_factory=Reading)
     alike: float = 0.2
     lasting: float = 0.0
+    atoms: Mapping[Atom, Reading] = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
         for name in ("alike", "lasting"):
@@ -72,7 +74,8 @@ class Eye:
                 raise ValueError(f"{name}: a share from 0 to 1 is expected, got {getattr(self, name)}")
 
     def evidence(self, atom: Atom, probability: float) -> float:
-        return self.readings.get(atom.predicate, self.other).evidence(probability)
+        reading = self.atoms.get(atom) or self.readings.get(atom.predicate, self.other)
+        return reading.evidence(probability)
 
     def together(self, evidence: Sequence[float]) -> float:
         """What several looks at one moment say of an atom. n of them that err together count for n / (1 + (n - 1) a)

@@ -123,6 +123,7 @@ GOOD = {
             "looks": 2,
             "alike": 0.2,
             "predicates": {"on": {"false_alarms": 0.1, "misses": 0.1, "slope": 1.0, "bias": 0.0, "scores": [0.1]}},
+            "atoms": {"on(a)": {"false_alarms": 0.2, "misses": 0.2, "slope": 1.0, "bias": 0.0}},
         }
     },
 }
@@ -134,6 +135,8 @@ GOOD = {
         ('"format": 1', '"format": 2', "format: expected 1, got 2"),
         ('"looks": 2', '"looks": "two"', r"domains\.d\.looks: is not what Executive wrote"),
         ('"misses": 0.1', '"misses": 1.5', r"domains\.d\.predicates\.on: rates between 0 and 1"),
+        ('"misses": 0.2', '"misses": 1.5', r"domains\.d\.atoms\.on\(a\): rates between 0 and 1"),
+        ('"on(a)"', '"on(a"', r"domains\.d\.atoms\.on\(a: 'on\(a' is not an atom"),
         ('"alike": 0.2', '"alike": 2', r"domains\.d: alike: a share from 0 to 1"),
         ('"scores": [0.1]', '"scores": [7.0]', r"predicates\.on: on: scores are from 0 to 1"),
         ('"format"', '"fromat"', "is not what Executive wrote"),
@@ -308,3 +311,20 @@ def test_thresholds_hold_for_looks_that_alternate() -> None:
         for answers, truth in looks(2000)
     ]
     assert covered(trust.conformal, 0.2, new)["held"] == pytest.approx(0.8, abs=0.05)
+
+
+def test_an_eye_that_does_not_see_one_thing_is_trusted_about_the_others() -> None:
+    """Its no to where that one is is worth next to nothing, so that what was known of it stays known."""
+    hidden = THINGS[0]
+    rng = np.random.default_rng(3)
+    looks: Looks = []
+    for _ in range(400):
+        facts = room(rng)
+        said = {atom: 0.98 if true and hidden not in atom.args else 0.02 for atom, true in facts.items()}
+        looks.append((said, facts))
+    eye = fit(looks, NETWORK).eye
+    for atom in ATOMS:
+        no = eye.evidence(atom, 0.02)
+        assert (abs(no) < 0.5) if hidden in atom.args else (no < -1.5), atom
+        if atom.args and hidden not in atom.args:
+            assert eye.evidence(atom, 0.98) > 1.5
