@@ -1,11 +1,11 @@
-"""Collision-free motions by OMPL's RRT* (Karaman and Frazzoli, 2011). The only importer of ompl.
+"""Collision-free motions by OMPL's AORRTC (Wilson et al., 2025): RRT-Connect for a first path, then again and again
+for a shorter one. The only importer of ompl.
 
 Limits are iterations, never seconds, so that a seed repeats a motion on any machine.
 """
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,21 +21,18 @@ from executive.types import FloatArray
 
 ou.setLogLevel(ou.LogLevel.LOG_NONE)
 
-_RANGE = 0.8
-"""Longest new edge of the tree, in rad."""
-
 _NEAR = 0.8
 """rad around the box of start and goals in which a detour is looked for first."""
 
-_REFINE = 120
+_REFINE = 100
 """Iterations after the first solution."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
     """(N, 6) configurations in rad, joined by straight edges; their summed length; who found it in how many
-    iterations, and the wall seconds that took. `tree` are the (M, 2, 6) edges that were searched, where they were asked
-    for and there was a search."""
+    iterations, and the wall seconds that took. `tree` are the (M, 2, 6) free edges that were tried, where they were
+    asked for and there was a search."""
 
     configurations: FloatArray
     cost: float
@@ -72,14 +69,19 @@ class _Edges(ob.MotionValidator):  # type: ignore[misc]
     def __init__(self, information: ob.SpaceInformation, space: Space, dof: int) -> None:
         super().__init__(information)
         self._free, self._joints = space.edge_free, range(dof)
+        self.kept: list[tuple[FloatArray, FloatArray]] | None = None
+        """The free edges so far, where anybody wants to know."""
 
     def checkMotion(self, start: Sequence[float], goal: Sequence[float]) -> bool:  # noqa: N802
-        first, second = ([state[joint] for joint in self._joints] for state in (start, goal))
-        return self._free(np.array(first), np.array(second))
+        first, second = (np.array([state[joint] for joint in self._joints]) for state in (start, goal))
+        free = self._free(first, second)
+        if free and self.kept is not None:
+            self.kept.append((first, second))
+        return free
 
 
 class MotionPlanner:
-    """RRT* over the arm's joints, whose bounds are in `limits`, through what is free in `space`."""
+    """AORRTC over the arm's joints, whose bounds are in `limits`, through what is free in `space`."""
 
     def __init__(self, limits: ArmLimits, space: Space) -> None:
         self._free, self.edge_free = space.free, space.edge_free
@@ -90,7 +92,8 @@ class MotionPlanner:
         self._information = ob.SpaceInformation(self._space)
         # Neither may hold `self`: OMPL's bindings keep them, and a cycle through them is never collected.
         self._information.setStateValidityChecker(_States(self._information, space, dof))
-        self._information.setMotionValidator(_Edges(self._information, space, dof))
+        self._edges = _Edges(self._information, space, dof)
+        self._information.setMotionValidator(self._edges)
         self._information.setup()
 
     def plan(
@@ -103,7 +106,8 @@ class MotionPlanner:
     ) -> Path | None:
         """A path from `start` to the goal that is nearest by what is free; None when none is found in `iterations`.
 
-        The straight edge is tried first. The same arguments give the same path, whether or not the tree is kept.
+        The straight edge is tried first: AORRTC makes nothing of it (ompl #1420). The same arguments give the same
+        path, whether or not the tree is kept.
         """
         began = time.perf_counter()
         ordered = sorted(goals, key=lambda goal: float(np.linalg.norm(goal - start)))
@@ -128,13 +132,13 @@ class MotionPlanner:
             if found is not None:
                 path, count, tree = found
                 cost = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-                return Path(path, cost, "RRT*", count, time.perf_counter() - began, tree)
+                return Path(path, cost, "AORRTC", count, time.perf_counter() - began, tree)
         return None
 
     def _search(
         self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int, keep_tree: bool
     ) -> tuple[FloatArray, int, FloatArray | None] | None:
-        """RRT*, then OMPL's shortcutting: the path, how many iterations it took, and the tree if it is wanted."""
+        """AORRTC, then OMPL's shortcutting: the path, how many iterations it took, and the tree if it is wanted."""
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
         problem = ob.ProblemDefinition(self._information)
         problem.addStartState(self._state(start))
@@ -143,32 +147,22 @@ class MotionPlanner:
             target.addState(self._state(goal))
         problem.setGoal(target)
         problem.setOptimizationObjective(ob.PathLengthOptimizationObjective(self._information))
-        planner = og.RRTstar(self._information)
-        planner.setRange(_RANGE)
-        planner.setGoalBias(0.1)
+        planner = og.AORRTC(self._information)
         planner.setProblemDefinition(problem)
         planner.setup()
-        progress = _Progress(planner.bestCost, iterations)
+        progress = _Progress(problem.hasExactSolution, iterations)
+        self._edges.kept = [] if keep_tree else None
         planner.solve(ob.PlannerTerminationCondition(progress))
+        tree = None if self._edges.kept is None else np.reshape(self._edges.kept, (-1, 2, len(start)))
+        self._edges.kept = None
         if not problem.hasExactSolution():
             return None
-        tree = self._tree(planner, len(start)) if keep_tree else None
         found = problem.getSolutionPath()
         simplifier = og.PathSimplifier(self._information)
         simplifier.reduceVertices(found)
         simplifier.partialShortcutPath(found, 60, 30)
         states = [found.getState(index) for index in range(found.getStateCount())]
         return np.array([[state[joint] for joint in range(len(start))] for state in states]), progress.count, tree
-
-    def _tree(self, planner: og.RRTstar, dof: int) -> FloatArray:
-        """The edges (M, 2, dof) of a planner's tree, each from a vertex to one that was reached from it."""
-        data = ob.PlannerData(self._information)
-        planner.getPlannerData(data)
-        vertices = [data.getVertex(index).getState() for index in range(data.numVertices())]
-        at = np.array([[state[joint] for joint in range(dof)] for state in vertices]).reshape(-1, dof)
-        pairs = [(index, other) for index in range(len(at)) for other in data.getEdges(index)]
-        edges: FloatArray = at[np.array(pairs, dtype=int).reshape(-1, 2)]
-        return edges
 
     def _bound(self, lower: FloatArray, upper: FloatArray) -> None:
         bounds = ob.RealVectorBounds(len(lower))
@@ -187,13 +181,13 @@ class MotionPlanner:
 class _Progress:
     """Stops the planner after a number of iterations, or some after it has a first solution."""
 
-    def __init__(self, best: Callable[[], object], limit: int) -> None:
-        self._best, self._limit = best, limit
+    def __init__(self, found: Callable[[], bool], limit: int) -> None:
+        self._found, self._limit = found, limit
         self.count = 0
         self._since_found = 0
 
     def __call__(self) -> bool:
         self.count += 1
-        if self._since_found or math.isfinite(self._best().value()):  # type: ignore[attr-defined]  # OMPL has no stubs
+        if self._since_found or self._found():
             self._since_found += 1
         return self.count > self._limit or self._since_found > _REFINE
