@@ -3,6 +3,7 @@ whole state in half of them. What was answered is kept, and not asked again."""
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -11,11 +12,11 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
+from executive import trust
 from executive.domain import load_domain
 from executive.eye import EyeConfig, settled
 from executive.faults.spoiled import SPOILED, most
 from executive.lab import evaluation_store
-from executive.lab.campaign.reading import model_digest
 from executive.lab.evaluate import EvalConfig, Evaluation, Evaluator
 from executive.lab.progress import Progress, estimate
 
@@ -37,9 +38,12 @@ class Asked(NamedTuple):
 
 
 def shipped() -> str:
-    """Tells the model that comes with the domain from another one."""
-    folder = settled(EyeConfig(), load_domain("grocery").subject).vlm
-    return model_digest(Path(str(folder)))[:12]
+    """Tells the model that comes with the domain, as it answers, from another one."""
+    folder = Path(str(settled(EyeConfig(), load_domain("grocery").subject).vlm))
+    content = hashlib.sha256()
+    for file in sorted(path for path in folder.iterdir() if path.name not in (trust.FILE, "README.md")):
+        content.update(file.name.encode() + file.read_bytes())
+    return content.hexdigest()[:12]
 
 
 def asked(data: Path, looks: int | None, out: Path, jobs: int) -> list[Asked]:
