@@ -126,7 +126,10 @@ def evaluate(
     paraphrases: Annotated[Path | None, typer.Option(help="A file with other wordings of the questions.")] = None,
     rename: Annotated[bool, typer.Option("--rename/--no-rename", help="Use that file's names of objects, too.")] = True,
     disturb: Annotated[
-        list[str] | None, typer.Option(help="Make looks harder: lights, cameras, jpeg=40; repeat it for more.")
+        list[str] | None,
+        typer.Option(
+            help="Make looks harder: lights, cameras, jpeg=40, blurred=3, noisy=40, dark=0.7; repeat it for more."
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Fixes which wording and what disturbance a look gets.")] = 0,
     beside: Annotated[
