@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import random
+import re
 import socket
 import subprocess
 import time
@@ -13,13 +15,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.fuzz import by_chance
 from benchmarks.fuzzing import watch
-from benchmarks.fuzzing.inputs import NASTY, inputs
-from benchmarks.fuzzing.targets import TARGETS
+from benchmarks.fuzzing.inputs import NAMES, NASTY, NUMBERS, Rolled, changed, inputs, smallest, tokens
+from benchmarks.fuzzing.targets import TARGETS, Target
 from benchmarks.fuzzing.watch import Hang, MisdeedError, judged
 from executive.errors import InputError
 
-EXAMPLES = 60
+EXAMPLES, PLACES = 60, 5
+"""Inputs that a target gets by chance; words and numbers in each seed that are replaced, each by each nasty one."""
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +63,19 @@ def test_pieces_that_parsers_choke_on_in_the_middle_of_what_they_read(name: str,
     for piece in NASTY:
         for at in (0, len(seed) // 3, len(seed)):
             judged(target.read, seed[:at] + piece + seed[at:], tmp_path)
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_numbers_and_words_that_nobody_writes_in_the_place_of_each(name: str, tmp_path: Path) -> None:
+    """Numbers without end, names that no file can have, and whatever else may stand where one stood."""
+    target = TARGETS[name]
+    for seed in sorted(target.seeds(), key=len)[:4]:  # a server's replies are of four kinds
+        parts = list(tokens(re.sub(rb"(?m)^#.*\n", b"", seed)))
+        for begin, values in ((rb"[0-9]", NUMBERS), (rb"[A-Za-z]", NAMES)):
+            places = [number for number, part in enumerate(parts) if re.match(begin, part)]
+            for place in places[:: -(-len(places) // PLACES) or 1]:
+                for value in values:
+                    judged(target.read, b"".join([*parts[:place], value, *parts[place + 1 :]]), tmp_path)
 
 
 def forever(data: bytes, scratch: Path) -> None:
@@ -135,3 +152,39 @@ def test_a_good_line_is_a_refusal(tmp_path: Path) -> None:
 @given(st.data())
 def test_inputs_stay_of_a_size_that_can_be_read(data: st.DataObject) -> None:
     assert len(data.draw(inputs([b"a = 1\nb = [2]\n"], ["x"]))) < 60_000
+
+
+def picky(data: bytes, scratch: Path) -> None:
+    """Does not like a lemon that comes after a milk carton."""
+    if b"lemon" in data.partition(b"milk")[2]:
+        raise KeyError("lemon")
+
+
+def test_what_does_harm_is_found_kept_and_made_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(
+        TARGETS, "picky", Target(picky, lambda: [b"a = [milk, bread]\n" * 9, b"lemon = 1\n"], ("lemon",))
+    )
+    tally = by_chance("picky", 2_000, tmp_path)
+    (file,) = tmp_path.iterdir()
+    assert file.read_bytes() == b"milklemon"
+    assert "KeyError: 'lemon'" in tally.finding
+    assert file.name in tally.finding
+    assert 0 < tally.inputs < 2_000
+    assert by_chance("picky", tally.inputs - 1, tmp_path).finding == "", "the same inputs in the same order"
+    assert by_chance("picky", 2_000, tmp_path, seed=1).inputs != tally.inputs
+
+
+def test_chance_is_fixed_by_its_seed() -> None:
+    seeds = TARGETS["scene.toml"].seeds()
+    once, again = ([changed(Rolled(random.Random(n)), seeds, ["x"]) for n in range(99)] for _ in range(2))
+    assert once == again
+    assert len(set(once)) > 90
+
+
+@given(st.binary(max_size=200), st.sets(st.integers(0, 255), min_size=1, max_size=3))
+def test_the_smallest_is_still_harmful_and_no_larger(data: bytes, needed: set[int]) -> None:
+    whole = data + bytes(needed)
+    small = smallest(whole, lambda less: needed <= set(less))
+    assert needed <= set(small)
+    assert len(small) <= len(whole)
+    assert b"".join(tokens(whole)) == whole

@@ -6,28 +6,32 @@ Each takes the input and a folder to write in, and raises nothing but `Executive
 from __future__ import annotations
 
 import contextlib
+import io
 import json
+import logging
 import random
 import shutil
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
+from unittest import mock
 
 from executive.configuration import CONFIG, read_config
 from executive.domain import Domain, load_domain, load_subject
 from executive.errors import InputError
+from executive.estimate import choose
 from executive.faults import parse_fault, read_faults
 from executive.lab import published
 from executive.lab.campaign.reading import read_campaign
-from executive.lab.campaign.rows import FILE as ROWS
-from executive.lab.campaign.rows import read_rows
+from executive.lab.disturbance import Disturbance
 from executive.lab.eye.wordings import Wordings
 from executive.lab.paraphrases import Paraphrases
 from executive.monitor import PlainMonitor
 from executive.past import Past
 from executive.pddl import read_task, read_vocabulary
 from executive.replay import Record, replay
+from executive.replay.beside import side_by_side
 from executive.s3e.backend import YES_NO
 from executive.s3e.calibration import Calibration
 from executive.s3e.chat import ReplyError, _decoded, _models, _refusal, base_url  # what a server sends passes these
@@ -39,8 +43,9 @@ from executive.s3e.translators import LanguageModel, Reply
 from executive.sim.spec import read_scene
 from executive.trace import monitors
 from executive.trace.events import EVENTS_FILE, read_events
-from executive.trace.explain import explain
-from executive.trace.report import summarise
+from executive.trace.explain import explain, print_lines
+from executive.trace.report import print_summary, summarise
+from executive.trace.side_by_side import Pair, print_pairs
 from executive.trace.story import Story
 from executive.trust import load, load_outcomes
 from executive.types import Atom, Facts
@@ -141,7 +146,14 @@ def feed_faults(data: bytes, scratch: Path) -> None:
 
 
 def feed_campaign(data: bytes, scratch: Path) -> None:
-    read_campaign(written(scratch, "campaign.toml", data))
+    """The domains that it names are read once: these have targets of their own, and would take most of the time."""
+    with mock.patch("executive.lab.campaign.reading.load_domain", _known_domain):
+        read_campaign(written(scratch, "campaign.toml", data))
+
+
+@cache
+def _known_domain(where: str | Path, problem: str | None = None) -> Domain:
+    return load_domain(where, problem)
 
 
 def feed_run_config(data: bytes, scratch: Path) -> None:
@@ -162,10 +174,30 @@ def feed_events(data: bytes, scratch: Path) -> None:
     Past.of(folder)
     if story.started is None:
         return
-    summarise(events)
-    explain(events)
-    for record in Record.all(events):
-        replay(record, PlainMonitor(record.started.task.atoms))
+    with io.TextIOWrapper(io.BytesIO(), encoding="utf-8") as paper, _watched_loop():
+        print_summary(summarise(events), folder, paper)
+        print_lines(explain(events), paper)
+        for record in Record.all(events):
+            replayed = replay(record, PlainMonitor(record.started.task.atoms))
+            rows = side_by_side(record, replayed)
+            print_pairs([Pair(*row, row.agree, row.same) for row in rows], ("recorded", "replayed"), paper)
+
+
+class _NoCrash(logging.Handler):
+    """The loop goes on in a replay, and logs what it crashes with."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        raise AssertionError(f"{record.getMessage()}: {record.exc_info and record.exc_info[1]!r}")
+
+
+@contextlib.contextmanager
+def _watched_loop() -> Iterator[None]:
+    log, handler = logging.getLogger("executive"), _NoCrash(logging.ERROR)
+    log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
 
 
 def feed_monitor(data: bytes, scratch: Path) -> None:
@@ -205,6 +237,14 @@ def feed_reply(data: bytes, scratch: Path) -> None:
 
 def feed_address(data: bytes, scratch: Path) -> None:
     base_url(data.decode(errors="replace"))
+
+
+def feed_disturbance(data: bytes, scratch: Path) -> None:
+    Disturbance.parse(data.decode(errors="replace").split(" "))
+
+
+def feed_pattern(data: bytes, scratch: Path) -> None:
+    choose(grocery().task.atoms, data.decode(errors="replace").split(" "))
 
 
 def feed_wording(data: bytes, scratch: Path) -> None:
@@ -249,11 +289,6 @@ def checkpoint() -> dict[str, bytes]:
         "tokenizer.json": b'{"version": "1.0"}',
         "processor_config.json": b"{}",
     }
-
-
-def feed_rows(data: bytes, scratch: Path) -> None:
-    written(scratch, ROWS, data)
-    read_rows(scratch, lambda _: None)
 
 
 def feed_atoms(data: bytes, scratch: Path) -> None:

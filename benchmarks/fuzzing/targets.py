@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.fuzzing import kept
 from benchmarks.fuzzing.readers import (
     EXAMPLE,
     GROCERY,
@@ -20,6 +20,7 @@ from benchmarks.fuzzing.readers import (
     feed_calibration,
     feed_campaign,
     feed_checkpoint,
+    feed_disturbance,
     feed_events,
     feed_fault,
     feed_faults,
@@ -27,11 +28,11 @@ from benchmarks.fuzzing.readers import (
     feed_monitor,
     feed_outcomes,
     feed_paraphrases,
+    feed_pattern,
     feed_pddl,
     feed_published,
     feed_questions,
     feed_reply,
-    feed_rows,
     feed_run_config,
     feed_scene,
     feed_trust,
@@ -41,7 +42,9 @@ from benchmarks.fuzzing.readers import (
 from executive.assemble import RunConfig
 from executive.configuration import CONFIG
 from executive.faults import KINDS
-from executive.lab.campaign.episode import Row
+from executive.lab.campaign.bench import MANIFEST as CAMPAIGN
+from executive.lab.campaign.rows import FILE as ROWS
+from executive.lab.evaluation_store import RESULTS
 from executive.s3e.checkpoint import CONFIG as MODEL_CONFIG
 from executive.s3e.checkpoint import INDEX, WEIGHTS
 from executive.trace import monitors
@@ -100,10 +103,6 @@ _REPLIES = [
     {"error": {"message": "no such model", "code": 404}},
     {"data": [{"id": "eye"}, {"id": "scribe"}]},
 ]  # fmt: skip
-
-_ROW = dataclasses.asdict(
-    Row("grocery", "breakfast", "drop 0.3", "oracle", "full", 3, "goal-reached", "executive run grocery", actions=4)
-)
 
 _TRUST = {
     "about": "",
@@ -225,7 +224,26 @@ TARGETS: Mapping[str, Target] = {
         lambda: [b'{"weight_map": {"w": "model-1.safetensors"}}'],
         ("weight_map", "../x", "/etc"),
     ),
-    "rows.jsonl": Target(feed_rows, lambda: [json.dumps(_ROW).encode() + b"\n"], ("seed", "outcome", "null")),
+    "campaign.json": Target(
+        kept.feed_campaign_kept(CAMPAIGN), lambda: [kept.campaign()[CAMPAIGN]], ("seeds", "places", "[]", "{}")
+    ),
+    "episodes.jsonl": Target(
+        kept.feed_campaign_kept(ROWS), lambda: [kept.campaign()[ROWS]], ("seed", "outcome", "failed", "null")
+    ),
+    "dataset.json": Target(kept.feed_collection, kept.collections, ("finished", "false", "null", "episodes", "[]")),
+    "evaluation.json": Target(kept.feed_results, lambda: [kept.evaluation()[RESULTS]], ("about", "name", "[]", "{}")),
+    "answers.npz": Target(kept.feed_answers, kept.answers, ("descr", "<f8", "|b1", "|O", "(2, 2)", "[[0.5]]", '"a"')),
+    "snapshot": Target(
+        kept.feed_snapshot, kept.snapshots, ("descr", "<f8", "PCG64", "state", "(9,)", "[[0.5]]", '"a"')
+    ),
+    "replies.json": Target(kept.feed_replies, kept.replies, ("replies", "null", "Is the lemon on the wooden table?")),
+    "picture": Target(kept.feed_picture, kept.pictures),
+    "disturbance": Target(
+        feed_disturbance, lambda: [b"lights cameras jpeg=40 blurred=3 noisy=40 dark=0.7"], ("=", "jpeg=", "dark=")
+    ),
+    "atom pattern": Target(
+        feed_pattern, lambda: [b"on-table(*,wood-table) robot-gripping", b"*(lemon?[ab])"], ("*", "*a" * 40, "[!", "]")
+    ),
     "atom": Target(feed_atoms, lambda: [b"on-table(lemon,wood-table)\nnot free()\n"], ("not ", "(", ")", ",", "()")),
 }
 """By what is read."""

@@ -90,7 +90,8 @@ def _told(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
 
 
 def one_line(text: str) -> str:
-    return " ".join(text.split())
+    """The text as a line that can be printed, whoever it comes from."""
+    return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in " ".join(text.split()))
 
 
 @contextmanager

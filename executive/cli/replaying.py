@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from executive import completion
-from executive.cli.frame import NOT_REACHED, REACHED
+from executive.cli.frame import NOT_REACHED, REACHED, one_line
 from executive.cli.options import RunName
 from executive.cli.running import run_folder
 from executive.errors import InputError
@@ -83,7 +83,7 @@ def _print(comparison: Comparison, every: bool, seconds: float) -> None:
         recorded, replayed = comparison.names
         print_pairs(shown, (f"recorded ({recorded})", f"replayed ({replayed})"), sys.stdout)
     for line in comparison.ends:
-        print(line)
+        print(one_line(line))
     same, agree = sum(row.same for row in rows), sum(row.agree for row in rows)
     counts = [f"{same} of {comparison.decisions} decisions are the same"]
     counts += [f"{agree - same} for another reason"] if agree > same else []

@@ -60,7 +60,7 @@ class Disturbance:
                 raise InputError(f"{kind} comes twice", key="--disturb")
             told[kind] = value
         jpeg = told.get("jpeg")
-        if jpeg is not None and not (jpeg.isascii() and jpeg.isdigit() and 1 <= int(jpeg) <= 95):
+        if jpeg is not None and not (jpeg.isascii() and jpeg.isdigit() and len(jpeg) < 3 and 1 <= int(jpeg) <= 95):
             raise InputError(f"{jpeg!r} is not a quality from 1 to 95", key="--disturb jpeg")
         worse = tuple((way, _amount(way, told[way])) for way in SPOILED if way in told)
         return cls("lights" in told, "cameras" in told, None if jpeg is None else int(jpeg), worse)

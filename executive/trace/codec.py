@@ -38,8 +38,11 @@ def encode(value: Any) -> JsonValue:
     settings, say) becomes its text.
     """
     match value:
-        case None | bool() | str():
-            return value.value if isinstance(value, Enum) else value
+        case None | bool():
+            return value
+        case str():
+            text = value.value if isinstance(value, Enum) else value
+            return text if text.isascii() else text.encode(errors="replace").decode()  # names of files may be no text
         case Atom():
             return str(value)
         case Facts():
@@ -74,6 +77,13 @@ def _expect(kinds: type | tuple[type, ...], name: str, data: JsonValue) -> Any:
     if not isinstance(data, kinds) or (isinstance(data, bool) and kinds is not bool):
         raise ValueError(f"expected {name}, got {str(data)[:60]!r}")
     return data
+
+
+def _text(data: JsonValue) -> str:
+    text: str = _expect(str, "a text", data)
+    if not text.isascii() and any("\ud800" <= each <= "\udfff" for each in text):
+        raise ValueError("half a character is no text")
+    return text
 
 
 def _whole(data: JsonValue) -> int:
@@ -131,7 +141,7 @@ def _hints(cls: type) -> dict[str, Any]:
 
 _LEAVES: Mapping[Any, Callable[[JsonValue], Any]] = {
     Any: lambda data: data,
-    str: functools.partial(_expect, str, "a text"),
+    str: _text,
     bool: functools.partial(_expect, bool, "true or false"),
     int: _whole,
     float: _number,

@@ -18,10 +18,15 @@ def console_for(stream: TextIO, environment: Mapping[str, str] = os.environ) -> 
 
     Colour only on a terminal, and not where NO_COLOR is set (https://no-color.org) or TERM is "dumb".
     """
-    if isinstance(stream, io.TextIOWrapper) and not stream.encoding.lower().startswith("utf"):
+    if isinstance(stream, io.TextIOWrapper):  # in UTF-8, too, there are names of files that are no text
         stream.reconfigure(errors=_IN_ASCII)
     plain = bool(environment.get("NO_COLOR")) or environment.get("TERM") == "dumb"
     return _Console(file=stream, markup=False, highlight=False, emoji=False, no_color=plain or None)
+
+
+def printable(text: str) -> str:
+    """The text in one line, with nothing in it that moves the cursor: messages from outside may hold anything."""
+    return "".join(each if each.isprintable() else " " for each in text)
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TextIO
 
 from executive.errors import InputError
-from executive.trace.console import console_for
+from executive.trace.console import console_for, printable
 from executive.trace.sentences import SENTENCES, cycles, decided, listed, looked, pictures, truth
 from executive.trace.terminal_view import contradiction, spoken
 from executive.types import (
@@ -97,8 +97,7 @@ def print_lines(lines: Iterable[str], stream: TextIO) -> None:
     """Print what `explain` returns; in a terminal, as wide as that is."""
     console = console_for(stream)
     for line in lines:
-        # A message from outside may hold line breaks and other characters that move the cursor.
-        text = "".join(each if each.isprintable() else " " for each in line)
+        text = printable(line)
         if console.is_terminal:
             indent = " " * (len(text) - len(text.lstrip()) + 2)
             width = max(40, console.width)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, TextIO
 
-from executive.trace.console import console_for
+from executive.trace.console import console_for, printable
 from executive.types import Decision, Ground
 
 _PIPE = 160
@@ -47,7 +47,7 @@ def print_pairs(pairs: Sequence[Pair], heads: tuple[str, str], stream: TextIO) -
 def _told(decision: Decision | None, why: bool) -> str:
     if decision is None:
         return "-"
-    lines = [f"{decision.kind}: {decision.reason}"]
+    lines = [f"{decision.kind}: {printable(decision.reason)}"]
     lines += [f"  {_ground(ground)}" for ground in decision.grounds[:_ATOMS]] if why else []
     left = len(decision.grounds) - _ATOMS
     return "\n".join([*lines, f"  and {left} more atoms"] if why and left > 0 else lines)

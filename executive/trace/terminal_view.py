@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.text import Text
 
+from executive.trace.console import printable
 from executive.trace.story import Mark, PlanLine, Remark, Standing, StepLine, Story
 from executive.types import (
     Blinded,
@@ -292,5 +293,4 @@ def _counts(story: Story) -> Text:
 
 def _one_line(text: Text) -> Text:
     """Without line breaks and other characters that move the cursor, which a message from outside may hold."""
-    plain = "".join(each if each.isprintable() else " " for each in text.plain)
-    return Text(plain, spans=text.spans, style=text.style)
+    return Text(printable(text.plain), spans=text.spans, style=text.style)

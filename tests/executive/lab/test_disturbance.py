@@ -58,6 +58,11 @@ def test_mistakes_are_named(specs: list[str]) -> None:
         Disturbance.parse(specs)
 
 
+def test_a_number_without_end_is_no_quality() -> None:
+    with pytest.raises(InputError, match="is not a quality from 1 to 95"):
+        Disturbance.parse([f"jpeg={'9' * 5_000}"])
+
+
 def test_nothing_changes_when_nothing_is_told(point: Point) -> None:
     with Disturber(Disturbance(), None, None, 0) as disturber:
         assert disturber.pictures(point) is point.images

@@ -104,6 +104,22 @@ def test_a_run_that_was_gone_on_with_is_replayed_process_by_process(
         compare_run(run, MonitorConfig(threshold=threshold))
 
 
+def test_what_a_record_says_does_not_move_the_cursor(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    events = kept(tmp_path / "run") / EVENTS_FILE
+    lines = [json.loads(line) for line in events.read_text().splitlines()]
+    for line in lines:
+        if "reason" in line["data"]:
+            line["data"]["reason"] += " \x1b[2J\r"
+    *others, last = lines
+    last["data"]["outcome"] = "crashed"
+    events.write_text("".join(json.dumps(line) + "\n" for line in [*others, last]))
+    cli.exit_code(["replay", str(events.parent), "--all"])
+    cli.exit_code(["replay", str(events.parent), "--threshold", "0.7"])
+    told = "".join(capsys.readouterr())
+    assert "[2J" in told
+    assert not {"\x1b", "\r"} & {*told}
+
+
 @pytest.mark.parametrize("events", range(1, 60, 7))
 def test_an_unfinished_run_is_replayed_as_far_as_it_goes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], events: int

@@ -167,6 +167,7 @@ def line(**changes: object) -> str:
             line(type="Belief", data={"observation_id": 1, "probability": {"a()": int("9" * 400)}}),
             "a number of more than 64",
         ),
+        (line(type="Ended", data={"outcome": "partial", "reason": "\ud800"}), "reason: half a character is no text"),
         (line(type="Decision", data={"kind": "dance", "reason": ""}), "kind: 'dance' is not a valid DecisionKind"),
         (line(type="Observation", data={"id": 0, "time": 0, "images": [], "joints": []}), "images: expected an object"),
         (

@@ -149,6 +149,14 @@ def test_where_marks_cannot_be_encoded_there_are_others() -> None:
     assert raw.getvalue() == b"+ x > . ?\n"
 
 
+def test_half_a_character_does_not_end_a_run() -> None:
+    raw = io.BytesIO()
+    stream = io.TextIOWrapper(raw, encoding="utf-8")
+    console_for(stream).print("a folder \udcff ü")
+    stream.flush()
+    assert raw.getvalue() == "a folder ? ü\n".encode()
+
+
 def test_who_is_live() -> None:
     assert is_live(console_for(Terminal()))
     assert not is_live(console_for(io.StringIO()))
