@@ -19,13 +19,14 @@ from executive.types import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmLimits:
-    """Joint ranges (rad), velocities (rad/s) and accelerations (rad/s^2) to stay within, and the home configuration,
-    each (6,)."""
+    """Joint ranges (rad), velocities (rad/s), accelerations (rad/s^2) and jerks (rad/s^3) to stay within, and the home
+    configuration, each (6,)."""
 
     lower: FloatArray
     upper: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
+    jerk: FloatArray
     home: FloatArray
 
 

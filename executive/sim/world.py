@@ -32,6 +32,8 @@ RATED_VELOCITY = np.full(6, np.pi)
 
 RATED_ACCELERATION = np.full(6, 8.0)
 """rad/s^2. The data sheet gives none; this keeps the servos well within their torque limits."""
+RATED_JERK = np.full(6, 200.0)
+"""rad/s^3. No data sheet gives one either; with this, the full acceleration is there after 40 ms."""
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _NOT_WRITTEN_HERE = (
@@ -285,6 +287,7 @@ class MujocoWorld:
             upper=np.minimum(ranges[:, 1], home + np.pi),
             velocity=speed * RATED_VELOCITY,
             acceleration=speed * RATED_ACCELERATION,
+            jerk=speed * RATED_JERK,
             home=home,
         )
 
