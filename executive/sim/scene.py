@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from executive.sim import assets
+from executive.sim import assets, meshes
 from executive.sim.spec import TEXTURES, CameraSpec, ItemSpec, SceneSpec, TableSpec
 from executive.types import FloatArray
 
@@ -115,6 +115,9 @@ def build(spec: SceneSpec, *, visuals: bool = True) -> mujoco.MjSpec:
         for kind in (scene.materials, scene.textures):
             for thing in list(kind):
                 scene.delete(thing)
+        meshes.drop_unused(scene)
+    else:
+        meshes.lighten(scene)
     return scene
 
 
