@@ -65,7 +65,9 @@ def _looks(name: str, vlm: str | None, count: int) -> dict[str, float]:
         seen = world.observe()
         eye.estimate(seen, domain.task.atoms)  # the first one warms up
         drawing = _median(world.observe, count)
-        asking = _median(lambda: eye.estimate(seen, domain.task.atoms), count)
+        # Always other pictures, if only by their noise: nothing that an eye keeps of a picture is to help it.
+        others = iter([world.observe() for _ in range(count)])
+        asking = _median(lambda: eye.estimate(next(others), domain.task.atoms), count)
         whole = _median(lambda: eye.estimate(world.observe(), domain.task.atoms), count)
     finally:
         world.close()
