@@ -11,10 +11,18 @@ import mujoco
 import numpy as np
 
 from executive.types import FloatArray
-from skills import hulls
+from skills import hulls, sweep
 from skills.sweep import BoolArray, IntArray
 
 _CORNERS = 8
+
+_PARTS = 256
+"""Of a joint's turn."""
+
+_AROUND = 32
+
+_SLACK = 0.001
+"""m by which hulls that nothing is decided by are simplified."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +37,26 @@ class Chain:
 
     def packed(self) -> FloatArray:
         return np.ascontiguousarray(np.concatenate([self.frames, self.axes, self.anchors], axis=1))
+
+    def turned(self, points: FloatArray) -> FloatArray:
+        """Points (N, 3) in the world taken all around the first joint's axis: corners of a hull that none of what they
+        sweep lies outside of."""
+        rotation, position = self.frames[0, :9].reshape(3, 3), self.frames[0, 9:]
+        axis = rotation @ self.axes[0]
+        across = np.linalg.svd(axis[None])[2][1:]
+        relative = points - (rotation @ self.anchors[0] + position)
+        height, radius = relative @ axis, np.linalg.norm(relative @ across.T, axis=1) / math.cos(math.pi / _AROUND)
+        angles = 2 * math.pi * np.arange(_AROUND) / _AROUND
+        ways = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ across
+        rings = radius[:, None, None] * ways + (height[:, None] * axis)[:, None]
+        return np.asarray(rings.reshape(-1, 3) + rotation @ self.anchors[0] + position)
+
+    def second(self, angle: float) -> FloatArray:
+        """The second link's frame in the world (12,) with the first joint at 0 and the second at `angle`."""
+        q, frames = np.zeros(len(self.axes)), np.empty((1, len(self.axes) + 1, 12))
+        q[1] = angle
+        sweep.arrange(self.packed(), q, q, 0, 0, frames)
+        return np.asarray(frames[0, 2])
 
     def reach(self, link: int, points: FloatArray) -> FloatArray:
         """How far, in m, any of the points (N, 3) of a link can be from each joint's axis, (J,): by how much it moves
@@ -48,8 +76,8 @@ class Chain:
         return result
 
 
-Arguments = tuple[FloatArray, IntArray, FloatArray, FloatArray, IntArray, IntArray, FloatArray]
-"""The first seven arguments of `sweep.clear`."""
+Arguments = tuple[FloatArray, IntArray, FloatArray, FloatArray, IntArray, IntArray, FloatArray, BoolArray]
+"""The first eight arguments of `sweep.clear`."""
 
 
 class Bodies:
@@ -58,15 +86,18 @@ class Bodies:
     Args:
         model: may be changed afterwards in what touches what (`geom_contype`, `geom_conaffinity`), and in nothing else.
         joints: the arm's, from its base on.
-        tolerance: m by which hulls may be simplified inwards.
+        tolerances: m by which each geom's hull may be simplified inwards.
+        clearance: m that are going to be asked for, at most.
     """
 
-    def __init__(self, model: mujoco.MjModel, joints: Sequence[str], tolerance: float) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, joints: Sequence[str], tolerances: Sequence[float], clearance: float
+    ) -> None:
         self._model = model
         self._links = [int(model.joint(name).bodyid[0]) for name in joints]
         self.chain = _chain(model, joints, self._links)
         self._packed = self.chain.packed()
-        self._hulls = [hulls.by_fours(hulls.hull(model, geom, tolerance)) for geom in range(model.ngeom)]
+        self._hulls = [hulls.by_fours(hulls.hull(model, geom, each)) for geom, each in enumerate(tolerances)]
         self._balls = [hulls.ball(points) for points in self._hulls]
         self._link_of = np.array([self._above(int(body)) for body in model.geom_bodyid])
         counts = np.array([len(points) for points in self._hulls])
@@ -83,8 +114,10 @@ class Bodies:
         self._reach = np.zeros((rows, len(joints)))
         self._poses = np.full((model.ngeom, 12), np.nan)
         self._may_touch = _may_touch(model)
-        self._marks, self._groups = b"", np.zeros((0, 4), dtype=np.int64)
+        self._marks, self._groups = b"", np.zeros((0, 5), dtype=np.int64)
         self._pairs = np.zeros((0, 2), dtype=np.int64)
+        self._stands = [geom for geom in range(model.ngeom) if not model.body_weldid[model.geom_bodyid[geom]]]
+        self._quiet = self._quiet_parts(clearance)
 
     def gathered(self, data: mujoco.MjData, carried: Sequence[int] = ()) -> Arguments:
         """The arguments of `sweep.clear` for where things are.
@@ -113,7 +146,16 @@ class Bodies:
         if marks != self._marks:
             self._marks, self._pairs = marks, self._paired(link)
             self._groups = self._grouped()
-        return self._points, self._spans, self._bounds, self._reach, self._groups, self._pairs, self._packed
+        return (
+            self._points,
+            self._spans,
+            self._bounds,
+            self._reach,
+            self._groups,
+            self._pairs,
+            self._packed,
+            self._quiet,
+        )
 
     def _put(self, geom: int, link: int, rotation: FloatArray, position: FloatArray) -> None:
         _, start, count = self._spans[geom]
@@ -140,7 +182,40 @@ class Bodies:
         key = np.stack([self._pairs[:, 0], len(self._link_of) + link], axis=1)
         begins = np.flatnonzero(np.append(True, (key[1:] != key[:-1]).any(axis=1)))
         ends = np.append(begins[1:], len(key))
-        return np.ascontiguousarray(np.concatenate([key[begins], begins[:, None], ends[:, None]], axis=1))
+        rows = [
+            self._stands.index(geom) if geom in self._stands and row == len(self._link_of) + 2 else -1
+            for geom, row in key[begins]
+        ]
+        columns = [key[begins], begins[:, None], ends[:, None], np.array(rows, dtype=np.int64)[:, None]]
+        return np.ascontiguousarray(np.concatenate(columns, axis=1))
+
+    def _quiet_parts(self, clearance: float) -> BoolArray:
+        """In which parts of the second joint's turn its link is clear of each thing that stands still, wherever the
+        first joint is (S, `_PARTS`). The arm's own base is close to that link nearly always, and never touched.
+
+        What stands is turned about the first joint's axis for that, which makes it no smaller.
+        """
+        model, chain = self._model, self.chain
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        upper = np.concatenate([self._in_link(int(geom)) for geom in np.flatnonzero(self._link_of == 2)])
+        reach = float(chain.reach(2, upper)[1])
+        quiet = np.zeros((len(self._stands), _PARTS), dtype=np.bool_)
+        for row, geom in enumerate(self._stands):
+            points = self._hulls[geom] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+            turned = hulls.reduced(chain.turned(points), _SLACK)
+            for part in range(_PARTS):
+                there = chain.second(2 * np.pi * (part + 0.5) / _PARTS - np.pi)
+                moved = upper @ there[:9].reshape(3, 3).T + there[9:]
+                apart = hulls.apart(turned, moved)
+                quiet[row, part] = apart > clearance + _SLACK + reach * np.pi / _PARTS
+        return quiet
+
+    def _in_link(self, geom: int) -> FloatArray:
+        """A hull of the arm in the frame of the link whose body it is a part of."""
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, self._model.geom_quat[geom])
+        return np.asarray(self._hulls[geom] @ rotation.reshape(3, 3).T + self._model.geom_pos[geom])
 
     def _paired(self, link: np.ndarray[Any, Any]) -> IntArray:
         """The pairs that MuJoCo would look at, by what the geoms' bits say now: those of the last links first, which

@@ -2,8 +2,8 @@
 included, but all in one compiled call.
 
 Where a name is wanted for what touches, or a line of sight, MuJoCo is asked: it sees the meshes' hulls exactly, while
-`free` and `edge_free` see them smaller by `_TOLERANCE` at most. As that is less than `_CLEARANCE`, they never take a
-contact for none.
+`free` and `edge_free` see them smaller by a millimetre or two. As that is less than the clearance that they keep, they
+never take a contact for none.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ _ARM, _HAND, _SURROUNDINGS, _HELD = 1, 2, 4, 8
 _CLEARANCE = 0.004
 """m that planned configurations keep from anything, beyond the hulls."""
 
-_TOLERANCE = 0.001
-"""m by which a hull may be simplified inwards. Two of them together are less than the clearance."""
+_TOLERANCE, _COARSE = 0.001, 0.002
+"""m by which a hull may be simplified inwards: that of a hand or an item, and that of a part of the arm, which is large
+and comes near to nothing on purpose. Two of them together are no more than the clearance."""
 
 _EDGE = 0.05
 """Largest Euclidean distance in joint space (rad) between two configurations that are checked along an edge."""
@@ -88,7 +89,9 @@ class CollisionModel:
                 self._mark(geom, _SURROUNDINGS, 0)
         model.geom_margin[:] = 0.5 * _CLEARANCE  # margins of a pair add up
         model.geom_gap[:] = 0.0
-        self._parts = Bodies(model, JOINTS, _TOLERANCE)
+        rough = {*(arm - hand), int(model.body("fixed_base_link").id)}
+        tolerances = [_COARSE if body in rough else _TOLERANCE for body in model.geom_bodyid]
+        self._parts = Bodies(model, JOINTS, tolerances, _CLEARANCE)
         mujoco.mj_kinematics(model, self._data)
         self._bodies: Arguments = self._parts.gathered(self._data)
 
@@ -126,7 +129,7 @@ class CollisionModel:
 
     def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
         """Whether nothing touches along the straight edge between two configurations (6,), its ends included."""
-        steps = max(1, math.ceil(float(np.linalg.norm(goal - start)) / _EDGE))
+        steps = max(1, math.ceil(math.dist(start, goal) / _EDGE))
         return bool(sweep.clear(*self._bodies, _CLEARANCE, start, goal, steps))
 
     def beside(self, q: FloatArray) -> frozenset[str]:

@@ -67,14 +67,18 @@ def reduced(points: FloatArray, tolerance: float) -> FloatArray:
 
 def distances(points: FloatArray, corners: FloatArray) -> FloatArray:
     """How far each of the points (N, 3) is from the hull of `corners` (M, 3), in m."""
-    first = by_fours(corners)
-    both = np.ascontiguousarray(np.concatenate([first, np.repeat(points, 4, axis=0)]).T)
-    starts = np.arange(len(points)) * 4 + len(first)
-    spans = np.array([[0, 0, len(first)], *([0, start, 4] for start in starts)], dtype=np.int64)
+    return np.array([apart(corners, point[None]) for point in points])
+
+
+def apart(first: FloatArray, second: FloatArray) -> float:
+    """How far apart the hulls of two sets of points (N, 3) are, in m."""
+    one, other = by_fours(first), by_fours(second)
+    spans = np.array([[0, 0, len(one)], [0, len(one), len(other)]], dtype=np.int64)
     room = np.zeros((14, 3))
-    room[:3], room[4, 0] = np.eye(3), 1.0
-    found = (separation(both, spans, 0, index + 1, 0.0, np.inf, 1e-9, room) for index in range(len(points)))
-    return np.fromiter(found, dtype=float, count=len(points))
+    room[:3], room[4] = np.eye(3), other[0] - one[0]
+    room[4, 0] += 1e-9
+    both = np.ascontiguousarray(np.concatenate([one, other]).T)
+    return separation(both, spans, 0, 1, 0.0, np.inf, 1e-9, room)
 
 
 def by_fours(points: FloatArray) -> FloatArray:

@@ -37,7 +37,7 @@ _SIMPLEX, _FACE = 6, 10
 """Rows to work in: four for the corners of the simplex, three for those of one of its faces."""
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def clear(
     points: FloatArray,
     spans: IntArray,
@@ -46,6 +46,7 @@ def clear(
     groups: IntArray,
     pairs: IntArray,
     chain: FloatArray,
+    quiet: BoolArray,
     clearance: float,
     start: FloatArray,
     goal: FloatArray,
@@ -60,46 +61,48 @@ def clear(
             box around all that hangs on it.
         bounds: (G, 10) the middle and radius of a ball around each hull, the least and the greatest corner of a box.
         reach: (G, J) as `Chain.reach` tells.
-        groups: (K, 4) runs of `pairs`: the first hull of them all, the row for the link of all second ones, the first
-            pair, and the one after the last.
+        groups: (K, 5) runs of `pairs`: the first hull of them all, the row for the link of all second ones, the first
+            pair, and the one after the last; and a row of `quiet`, or -1.
         pairs: (P, 2) the hulls that may not touch, the one of the lower link first.
         chain: (J, 18) as `Chain.packed` tells.
+        quiet: (R, C) in which of C parts of the second joint's turn a run's pairs are clear, wherever the first is.
     """
-    joints, hulls = chain.shape[0], spans.shape[0]
+    joints = chain.shape[0]
     frames = np.empty((steps + 1, joints + 1, 12))
-    centres = np.empty((steps + 1, hulls, 3))
     known = np.zeros(steps + 1, dtype=np.bool_)
-    room = np.empty((14, 3))
+    room, stack = np.empty((14, 3)), np.empty((64, 2), dtype=np.int64)
     travels = _travels(reach, spans, start, goal, steps)
     middle = steps // 2
     half = steps - middle
-    _arrange(chain, spans, bounds, start, goal, steps, middle, frames, centres)
+    arrange(chain, start, goal, steps, middle, frames)
     known[middle] = True
     for group in range(groups.shape[0]):
         # First all of a link at once: mostly it is far from the hull in question all along the way.
         a, all_of_it = groups[group, 0], groups[group, 1]
+        if groups[group, 4] >= 0 and _all_quiet(quiet, groups[group, 4], start[1], goal[1]):
+            continue
         low = spans[a, 0]
-        away = _away(frames, centres, bounds, middle, low, a, all_of_it)
+        away = _away(frames, bounds, middle, low, spans[all_of_it, 0], a, all_of_it)
         if away > clearance + travels[all_of_it, low] * half or (
             groups[group, 3] - groups[group, 2] > 1
             and _stay_clear(
                 points, spans, bounds, chain, clearance, start, goal, steps, a, all_of_it, travels[all_of_it, low],
-                frames, centres, known, room,
+                frames, known, room, stack,
             )
         ):  # fmt: skip
             continue
         for pair in range(groups[group, 2], groups[group, 3]):
             b = pairs[pair, 1]
-            away = _away(frames, centres, bounds, middle, low, a, b)
+            away = _away(frames, bounds, middle, low, spans[b, 0], a, b)
             if away <= clearance + travels[b, low] * half and not _stay_clear(
                 points, spans, bounds, chain, clearance, start, goal, steps, a, b, travels[b, low],
-                frames, centres, known, room,
+                frames, known, room, stack,
             ):  # fmt: skip
                 return False
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def all_clear(
     points: FloatArray,
     spans: IntArray,
@@ -108,6 +111,7 @@ def all_clear(
     groups: IntArray,
     pairs: IntArray,
     chain: FloatArray,
+    quiet: BoolArray,
     clearance: float,
     configurations: FloatArray,
 ) -> BoolArray:
@@ -115,11 +119,11 @@ def all_clear(
     result = np.empty(len(configurations), dtype=np.bool_)
     for index in range(len(configurations)):
         q = configurations[index]
-        result[index] = clear(points, spans, bounds, reach, groups, pairs, chain, clearance, q, q, 0)
+        result[index] = clear(points, spans, bounds, reach, groups, pairs, chain, quiet, clearance, q, q, 0)
     return result
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _stay_clear(
     points: FloatArray,
     spans: IntArray,
@@ -133,27 +137,31 @@ def _stay_clear(
     b: int,
     travel: float,
     frames: FloatArray,
-    centres: FloatArray,
     known: BoolArray,
     room: FloatArray,
+    stack: IntArray,
 ) -> bool:
     """Whether hull b stays clear of hull a, towards which it moves by no more than `travel` (m) in one step."""
     low, high, depth, warm = spans[a, 0], spans[b, 0], 1, False
-    stack = np.empty((64, 2), dtype=np.int64)
     stack[0, 0], stack[0, 1] = 0, steps
     while depth > 0:
         depth -= 1
         begin, end = stack[depth, 0], stack[depth, 1]
         at = (begin + end) // 2
         if not known[at]:
-            _arrange(chain, spans, bounds, start, goal, steps, at, frames, centres)
+            arrange(chain, start, goal, steps, at, frames)
             known[at] = True
-        apart = _away(frames, centres, bounds, at, low, a, b)
+        apart = _away(frames, bounds, at, low, high, a, b)
         enough = clearance + travel * (end - at)
-        if apart <= enough:
-            if not warm:
-                _way(frames, centres, bounds, at, low, a, b, room)
+        if apart <= enough and not warm:
+            # The other way round: a ball around the first and a box around the second one.
+            back = _away(frames, bounds, at, high, low, b, a)
+            if back > enough:
+                apart = back
+            else:
+                _way(frames, bounds, at, low, high, a, b, back > apart, room)
                 warm = True  # from then on, the way at another configuration is the one to begin with
+        if apart <= enough:
             _relative(frames, at, low, high, room)
             apart = max(apart, separation(points, spans, a, b, clearance, enough, travel, room))
             if apart <= clearance:
@@ -168,7 +176,19 @@ def _stay_clear(
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
+def _all_quiet(quiet: BoolArray, row: int, start: float, goal: float) -> bool:
+    """Whether a row says so of all parts of a turn, in rad, that are gone through."""
+    parts = quiet.shape[1]
+    scale = parts / (2.0 * math.pi)
+    first, last = math.floor((min(start, goal) + math.pi) * scale), math.floor((max(start, goal) + math.pi) * scale)
+    for part in range(first, last + 1):  # noqa: SIM110 (numba compiles no generators)
+        if not quiet[row, part % parts]:
+            return False
+    return True
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _travels(reach: FloatArray, spans: IntArray, start: FloatArray, goal: FloatArray, steps: int) -> FloatArray:
     """How far, in m, any point of each hull moves in one step at most, seen from each link below its own, (G, J + 1);
     a little above zero where it does not, so that it can be divided by."""
@@ -182,19 +202,9 @@ def _travels(reach: FloatArray, spans: IntArray, start: FloatArray, goal: FloatA
     return travels
 
 
-@numba.njit(cache=True)
-def _arrange(
-    chain: FloatArray,
-    spans: IntArray,
-    bounds: FloatArray,
-    start: FloatArray,
-    goal: FloatArray,
-    steps: int,
-    at: int,
-    frames: FloatArray,
-    centres: FloatArray,
-) -> None:
-    """Where the links are in the world, and the middles of all balls, after `at` steps."""
+@numba.njit(cache=True, error_model="numpy")
+def arrange(chain: FloatArray, start: FloatArray, goal: FloatArray, steps: int, at: int, frames: FloatArray) -> None:
+    """Where the links are in the world after `at` steps, into row `at` of `frames`."""
     share = at / max(1, steps)
     for i in range(12):
         frames[at, 0, i] = 1.0 if i in (0, 4, 8) else 0.0
@@ -219,23 +229,15 @@ def _arrange(
             frames[at, j + 1, 3 * i + 2] = a * r2 + b * r5 + c * r8
             frames[at, j + 1, 9 + i] = a * px + b * py + c * pz + d + frames[at, j, 9 + i]
 
-    for hull in range(spans.shape[0]):
-        link, x, y, z = spans[hull, 0], bounds[hull, 0], bounds[hull, 1], bounds[hull, 2]
-        for i in range(3):
-            centres[at, hull, i] = (
-                frames[at, link, 3 * i] * x
-                + frames[at, link, 3 * i + 1] * y
-                + frames[at, link, 3 * i + 2] * z
-                + frames[at, link, 9 + i]
-            )
 
-
-@numba.njit(cache=True, inline="always")
-def _away(frames: FloatArray, centres: FloatArray, bounds: FloatArray, at: int, link: int, a: int, b: int) -> float:
-    """How far the ball around hull b is at least from the box around hull a, which is on `link`."""
-    x = centres[at, b, 0] - frames[at, link, 9]
-    y = centres[at, b, 1] - frames[at, link, 10]
-    z = centres[at, b, 2] - frames[at, link, 11]
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _away(frames: FloatArray, bounds: FloatArray, at: int, link: int, other: int, a: int, b: int) -> float:
+    """How far the ball around hull b, on link `other`, is at least from the box around hull a, on `link`."""
+    x, y, z = bounds[b, 0], bounds[b, 1], bounds[b, 2]
+    u = frames[at, other, 0] * x + frames[at, other, 1] * y + frames[at, other, 2] * z + frames[at, other, 9]
+    v = frames[at, other, 3] * x + frames[at, other, 4] * y + frames[at, other, 5] * z + frames[at, other, 10]
+    w = frames[at, other, 6] * x + frames[at, other, 7] * y + frames[at, other, 8] * z + frames[at, other, 11]
+    x, y, z = u - frames[at, link, 9], v - frames[at, link, 10], w - frames[at, link, 11]
     u = frames[at, link, 0] * x + frames[at, link, 3] * y + frames[at, link, 6] * z
     v = frames[at, link, 1] * x + frames[at, link, 4] * y + frames[at, link, 7] * z
     w = frames[at, link, 2] * x + frames[at, link, 5] * y + frames[at, link, 8] * z
@@ -245,28 +247,36 @@ def _away(frames: FloatArray, centres: FloatArray, bounds: FloatArray, at: int, 
     return math.sqrt(u * u + v * v + w * w) - float(bounds[b, 3])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _way(
-    frames: FloatArray, centres: FloatArray, bounds: FloatArray, at: int, link: int, a: int, b: int, room: FloatArray
+    frames: FloatArray, bounds: FloatArray, at: int, low: int, high: int, a: int, b: int, turned: bool, room: FloatArray
 ) -> None:
-    """About the way from hull a to hull b in the frame of `link`, into row 4 of `room`: from the box to the ball's
-    middle, or, where that is inside, from middle to middle."""
-    x = centres[at, b, 0] - frames[at, link, 9]
-    y = centres[at, b, 1] - frames[at, link, 10]
-    z = centres[at, b, 2] - frames[at, link, 11]
-    inside = True
+    """About the way from hull a to hull b in the frame of link `low`, into row 4 of `room`: from the box around a to
+    the middle of b or, `turned`, from the middle of a to the box around b; where that is inside, from middle to
+    middle."""
+    link, one, there, other, sign = (high, b, low, a, -1.0) if turned else (low, a, high, b, 1.0)
+    x, y, z = bounds[other, 0], bounds[other, 1], bounds[other, 2]
+    u = frames[at, there, 0] * x + frames[at, there, 1] * y + frames[at, there, 2] * z + frames[at, there, 9]
+    v = frames[at, there, 3] * x + frames[at, there, 4] * y + frames[at, there, 5] * z + frames[at, there, 10]
+    w = frames[at, there, 6] * x + frames[at, there, 7] * y + frames[at, there, 8] * z + frames[at, there, 11]
+    x, y, z = u - frames[at, link, 9], v - frames[at, link, 10], w - frames[at, link, 11]
+    inside, p, q, r = True, 0.0, 0.0, 0.0
     for i in range(3):
         across = frames[at, link, i] * x + frames[at, link, 3 + i] * y + frames[at, link, 6 + i] * z
-        room[4, i] = across - min(max(across, bounds[a, 4 + i]), bounds[a, 7 + i])
-        room[5, i] = across - bounds[a, i]
-        inside = inside and abs(room[4, i]) < 1e-6
-    if inside:
-        room[5, 0] += 1e-9
-        for i in range(3):
-            room[4, i] = room[5, i]
+        gap = across - min(max(across, bounds[one, 4 + i]), bounds[one, 7 + i])
+        inside = inside and abs(gap) < 1e-6
+        room[5, i] = gap
+    for i in range(3):
+        across = frames[at, link, i] * x + frames[at, link, 3 + i] * y + frames[at, link, 6 + i] * z
+        step = sign * (across - bounds[one, i] + 1e-9 if inside else room[5, i])
+        p += frames[at, link, i] * step
+        q += frames[at, link, 3 + i] * step
+        r += frames[at, link, 6 + i] * step
+    for i in range(3):
+        room[4, i] = frames[at, low, i] * p + frames[at, low, 3 + i] * q + frames[at, low, 6 + i] * r
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _relative(frames: FloatArray, at: int, low: int, high: int, room: FloatArray) -> None:
     """The frame of link `high` as link `low` sees it, into rows 0 to 3 of `room`: rotation and position."""
     x = frames[at, high, 9] - frames[at, low, 9]
@@ -279,7 +289,7 @@ def _relative(frames: FloatArray, at: int, low: int, high: int, room: FloatArray
         room[3, i] = u * x + v * y + w * z
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def separation(
     points: FloatArray,
     spans: IntArray,
@@ -333,7 +343,7 @@ def separation(
     return best
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _farthest(points: FloatArray, first: int, count: int, x: float, y: float, z: float) -> int:
     """The corner of a hull that is farthest in a direction. Four runners, so that no comparison waits for the last."""
     top, a = -1e30, first
@@ -360,7 +370,7 @@ def _farthest(points: FloatArray, first: int, count: int, x: float, y: float, z:
     return a
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _nearest(s: FloatArray, count: int) -> tuple[int, float, float, float]:
     """The point of the simplex, `count` rows from `_SIMPLEX` on, that is nearest to the origin. It is cut down to the
     corners that the point lies between; four corners are left only where the origin is inside."""
@@ -373,12 +383,12 @@ def _nearest(s: FloatArray, count: int) -> tuple[int, float, float, float]:
     return _in_tetrahedron(s)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _move(s: FloatArray, start: int, end: int) -> None:
     s[end, 0], s[end, 1], s[end, 2] = s[start, 0], s[start, 1], s[start, 2]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _on_segment(s: FloatArray, o: int) -> tuple[int, float, float, float]:
     x, y, z = s[o + 1, 0] - s[o, 0], s[o + 1, 1] - s[o, 1], s[o + 1, 2] - s[o, 2]
     along = -(s[o, 0] * x + s[o, 1] * y + s[o, 2] * z)
@@ -392,7 +402,7 @@ def _on_segment(s: FloatArray, o: int) -> tuple[int, float, float, float]:
     return 2, s[o, 0] + share * x, s[o, 1] + share * y, s[o, 2] + share * z
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _on_triangle(s: FloatArray, o: int) -> tuple[int, float, float, float]:
     abx, aby, abz = s[o + 1, 0] - s[o, 0], s[o + 1, 1] - s[o, 1], s[o + 1, 2] - s[o, 2]
     acx, acy, acz = s[o + 2, 0] - s[o, 0], s[o + 2, 1] - s[o, 1], s[o + 2, 2] - s[o, 2]
@@ -430,7 +440,7 @@ _FACES: IntArray = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 3, 2,
 """The corners of each face of a tetrahedron, and the one opposite."""
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _in_tetrahedron(s: FloatArray) -> tuple[int, float, float, float]:
     best, count, kept, x, y, z = 1e30, 4, 0, 0.0, 0.0, 0.0
     for row in range(4):
@@ -463,7 +473,7 @@ def _in_tetrahedron(s: FloatArray) -> tuple[int, float, float, float]:
     return count, x, y, z
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _copy(s: FloatArray, face: int) -> None:
     for corner in range(3):
         _move(s, _SIMPLEX + _FACES[face, corner], _FACE + corner)

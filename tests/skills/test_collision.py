@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 from executive.sim.scene import FINGER_JOINTS, JOINTS
 from executive.sim.world import MujocoWorld
 from executive.types import FloatArray
-from skills import collision, hulls, sweep
+from skills import collision, hulls
 from skills.collision import CollisionModel, Held
 from tests.executive.sim.stage import grocery
 
@@ -49,9 +49,9 @@ def test_it_says_what_mujoco_says_but_for_the_last_millimetres(
     free = np.array([model.free(q) for q in configurations])
     nearest = np.array([model.nearest(q) for q in configurations])
     assert 0.2 < free.mean() < 0.8
-    # Hulls simplified inwards: never stricter than the exact ones, and laxer by two tolerances at most.
+    # Hulls simplified inwards: never stricter than the exact ones, and laxer by two simplifications at most.
     assert free[nearest >= collision._CLEARANCE].all()
-    assert (nearest[free] > collision._CLEARANCE - 2 * collision._TOLERANCE - 1e-5).all()
+    assert (nearest[free] > collision._CLEARANCE - 2 * collision._COARSE - 1e-5).all()
     assert np.array_equal(model.all_free(configurations), free)
 
 
@@ -126,13 +126,9 @@ points = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed))
 def test_the_distance_of_hulls_is_that_of_their_nearest_points(
     rng: np.random.Generator, first_count: int, second_count: int, away: float
 ) -> None:
-    first = hulls.by_fours(rng.normal(size=(first_count, 3)))
-    second = hulls.by_fours(rng.normal(size=(second_count, 3)) + away * np.array([1.0, 0.5, -0.3]))
-    spans = np.array([[0, 0, len(first)], [0, len(first), len(second)]])
-    room = np.zeros((14, 3))
-    room[:3], room[4, 0] = np.eye(3), 1.0
-    both = np.ascontiguousarray(np.concatenate([first, second]).T)
-    found = sweep.separation(both, spans, 0, 1, 0.0, np.inf, 1e-9, room)
+    first = rng.normal(size=(first_count, 3))
+    second = rng.normal(size=(second_count, 3)) + away * np.array([1.0, 0.5, -0.3])
+    found = hulls.apart(first, second)
     assert found == pytest.approx(farthest_apart(first, second), abs=1e-4)
 
 

@@ -1,0 +1,48 @@
+"""How fast every stage is, each row beside its baseline in the same run: `python -m benchmarks.speed`.
+
+    python -m benchmarks.speed                          # every row, a few minutes
+    python -m benchmarks.speed --only collision replan  # some of them
+    python -m benchmarks.speed --all                    # with all recorded motions and 100,000 configurations
+    python -m benchmarks.speed --out benchmarks/speed/results
+
+Ours and the baseline are timed by turns, so that both meet the same load; what counts are the ratios. With `--out`, the
+table is kept as a file of text and one of JSON, by the date.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import importlib
+import json
+import os
+from pathlib import Path
+
+from benchmarks.speed.table import Row, machine, printed
+
+ROWS = ("collision", "motion", "trajectory", "simulation", "replan", "start", "growth")
+"""Each a module here with a function `measure`."""
+
+
+def main() -> None:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--only", nargs="+", choices=ROWS, default=ROWS, help="some of the rows")
+    parser.add_argument("--all", action="store_true", help="measure on everything there is; takes a long time")
+    parser.add_argument("--json", action="store_true", help="print the table for programs")
+    parser.add_argument("--out", type=Path, help="a folder to keep the table in")
+    arguments = parser.parse_args()
+    where, rows = machine(), list[Row]()
+    for name in arguments.only:
+        rows += importlib.import_module(f"benchmarks.speed.{name}").measure(arguments.all)
+    kept = {"machine": where, "rows": [{**dataclasses.asdict(row), "ratio": row.ratio} for row in rows]}
+    text, data = printed(rows, where), json.dumps(kept, indent=2)
+    if arguments.out is not None:
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        (arguments.out / f"{where['date']}.txt").write_text(text + "\n")
+        (arguments.out / f"{where['date']}.json").write_text(data + "\n")
+    print(data if arguments.json else text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""What a row of the table says, how two contenders are timed side by side, and on what machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One measurement: how long (`seconds`) or how much (`unit` says of what) ours takes and the baseline takes, the
+    target, and whether it is reached; None where nothing was promised."""
+
+    stage: str
+    ours: float
+    baseline: float | None
+    unit: str
+    target: str
+    reached: bool | None
+    beside: str
+    """What it is held against."""
+    note: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """How many times the baseline is ours."""
+        return None if self.baseline is None or self.ours == 0 else self.baseline / self.ours
+
+
+def side_by_side(
+    ours: Callable[[], object], baseline: Callable[[], object], rounds: int, *, times: int = 1
+) -> tuple[float, float, float]:
+    """Medians of the seconds of processor time that one call of each takes, taken by turns so that both meet the same
+    load, and the median of the ratios of neighbours. Ours is called `times` times in a row, so that its time can be
+    told. Processor time, as others may be at work on the machine: of what computes in one process, it is what
+    the wall's clock would show on an idle one."""
+    mine, other = [], []
+    for _ in range(rounds):
+        began = time.process_time()
+        for _ in range(times):
+            ours()
+        mine.append((time.process_time() - began) / times)
+        began = time.process_time()
+        baseline()
+        other.append(time.process_time() - began)
+    ratio = statistics.median(theirs / own for own, theirs in zip(mine, other, strict=True))
+    return statistics.median(mine), statistics.median(other), ratio
+
+
+def machine() -> dict[str, str]:
+    """Where, when and with what it was measured."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
+    return {
+        "date": time.strftime("%Y-%m-%d"),
+        "processor": f"{model or platform.processor()} ({platform.machine()})",
+        "cores": str(os.cpu_count()),
+        "load": " ".join(f"{load:.1f}" for load in os.getloadavg()),
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("numpy", "mujoco", "numba", "ompl", "toppra", "robosuite")},
+    }
+
+
+def printed(rows: list[Row], where: dict[str, str]) -> str:
+    """The table, for people."""
+    head = ("stage", "ours", "baseline", "ratio", "target", "reached", "against")
+    body = [
+        (
+            row.stage,
+            f"{row.ours:.4g} {row.unit}",
+            "" if row.baseline is None else f"{row.baseline:.4g} {row.unit}",
+            "" if row.ratio is None else f"{row.ratio:.3g}",
+            row.target,
+            {True: "yes", False: "no", None: ""}[row.reached],
+            row.beside,
+        )
+        for row in rows
+    ]
+    widths = [max(len(line[column]) for line in (head, *body)) for column in range(len(head))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+             for line in (head, *body)]  # fmt: skip
+    notes = [f"{row.stage}: {row.note}" for row in rows if row.note]
+    return "\n".join([*lines, "", *notes, "", ", ".join(f"{key} {value}" for key, value in where.items())])
