@@ -59,7 +59,7 @@ class Settings:
     sure: float = 0.999
     """A literal of the goal that is less probable than this is looked at once more before the goal is claimed, and as
     long as anything is less sure than this no goal is given up for want of a plan, while looks are left."""
-    claim: float = 0.9
+    claim: float = 0.98
     """A literal of the goal that is less probable than this, after all looks that there are, is not claimed to hold."""
     max_goal_plans: int = 64
     """How often the planner may be asked to find out which part of the goal can be reached."""

@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import NamedTuple
 
 from executive.types import Atom
 
@@ -52,6 +53,24 @@ class Reading:
         return min(math.log((1.0 - self.misses) / self.false_alarms), max(least, worth))
 
 
+class Earlier(NamedTuple):
+    """What looks at earlier moments said of an atom that nothing has touched since (log-odds, the first with all that
+    was believed then), and what is believed of it now."""
+
+    said: tuple[float, ...]
+    believed: float
+
+    def heeds(self, evidence: float) -> bool:
+        """Whether a look says the same again, more or less surely."""
+        return evidence * self.believed > 0.0 and abs(evidence) >= HARDLY
+
+    def with_look(self, evidence: float, believed: float) -> Earlier:
+        """With one look more, after which it was `believed`. One that says otherwise is where it all begins anew."""
+        if self.heeds(evidence):
+            return Earlier((*self.said, evidence), believed)
+        return Earlier((believed,) if abs(evidence) >= HARDLY else self.said, believed)
+
+
 @dataclass(frozen=True, slots=True)
 class Eye:
     """The readings of one eye, by predicate, and `other` for those that were not measured. `atoms` are those of single
@@ -83,14 +102,17 @@ class Eye:
         count = len(evidence)
         return math.fsum(evidence) / (1.0 + (count - 1) * self.alike)
 
-    def anew(self, evidence: float, believed: float) -> float:
-        """What a look says that earlier ones have not said already, where they had it `believed` (log-odds) and nothing
-        has touched it since. What speaks against them counts in full, and so does what says next to nothing; what
-        agrees counts as far as it is not the same error once more, and takes something away where it is less sure than
-        they were: with `lasting` a, looks that all say e amount to e / a, whatever was believed before."""
-        if evidence * believed <= 0.0 or abs(evidence) < HARDLY:
+    def anew(self, evidence: float, earlier: Earlier) -> float:
+        """What a look adds to what is believed of an atom that nothing has touched since earlier looks told of it.
+
+        What speaks against them counts in full, and so does what says next to nothing. What agrees is one more of them:
+        what is believed then is what all of them together are worth, as in `together` with `lasting` for a, so that
+        neither many that lean the same way nor a single one that is sure make it certain.
+        """
+        if not self.lasting or not earlier.heeds(evidence):
             return evidence
-        return evidence - self.lasting * believed
+        said = (*earlier.said, evidence)
+        return math.fsum(said) / (1.0 + (len(said) - 1) * self.lasting) - earlier.believed
 
 
 EXACT = Eye(other=Reading(1e-6, 1e-6), alike=0.0)

@@ -18,7 +18,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from executive.monitor.actions import ActionModel, applied, felt, touched
-from executive.monitor.eye import HARDLY, Eye
+from executive.monitor.eye import HARDLY, Earlier, Eye
 from executive.monitor.groups import Network
 from executive.monitor.last import Last
 from executive.monitor.seam import Judgement, Thresholds
@@ -53,8 +53,8 @@ class Hypothesis(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class Track:
     """What is believed of this moment but for its looks, their evidence atom by atom, what each atom's probability is
-    with it (None before the first look), and the last known values before these looks and with them. `believed` are the
-    log-odds, before these looks, of the atoms that earlier ones told of and the last action did not touch; `felt` is
+    with it (None before the first look), and the last known values before these looks and with them. `earlier` is what
+    looks at other moments told of atoms that no action has touched since; `felt` is
     what the hand felt at that action's end. The first
     hypothesis is that the last action's effects came about, if there are more than one."""
 
@@ -63,7 +63,7 @@ class Track:
     marginal: Mapping[Atom, float] | None = None
     before: Last = field(default_factory=Last)
     now: Last = field(default_factory=Last)
-    believed: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
+    earlier: Mapping[Atom, Earlier] = field(default_factory=lambda: MappingProxyType({}))
     felt: Facts = field(default_factory=Facts)
 
 
@@ -128,12 +128,11 @@ class FusedMonitor:
                 (chances.nothing, still),
                 (chances.other, {atom: self._any[atom] if atom in open_ else still[atom] for atom in still}),
             ]
-        told = (memory.evidence.keys() | memory.believed.keys()) - open_
         return Track(
             tuple(self._hypothesis(*outcome) for outcome in outcomes),
             before=memory.now,
             now=memory.now,
-            believed=MappingProxyType({atom: _log_odds(still[atom]) for atom in told}),
+            earlier=MappingProxyType(self._earlier(memory, marginal, still, open_)),
             felt=Facts() if step is None else felt(self.carried, step, result),
         )
 
@@ -167,6 +166,27 @@ class FusedMonitor:
             return None
         return Facts.closed(max(supposed, key=lambda posterior: posterior.log_best).best, self.network.atoms)
 
+    def _earlier(
+        self, memory: Track, marginal: Mapping[Atom, float], still: Mapping[Atom, float], touched_: frozenset[Atom]
+    ) -> dict[Atom, Earlier]:
+        """What is known to have been said of the atoms that the action which comes next does not touch. `marginal` is
+        what was believed at the end of this moment, `still` what is left of that for the next one."""
+        kept = {}
+        for atom in (memory.evidence.keys() | memory.earlier.keys()) - touched_:
+            before, after = memory.earlier.get(atom), _log_odds(marginal[atom])
+            if before is None:
+                now = Earlier((after,), after)
+            elif atom in memory.evidence:
+                now = before.with_look(self.eye.together(memory.evidence[atom]), after)
+            else:
+                now = before
+            kept[atom] = now._replace(believed=_log_odds(still[atom]))
+        return kept
+
+    def _anew(self, atom: Atom, evidence: float, memory: Track) -> float:
+        earlier = memory.earlier.get(atom)
+        return evidence if earlier is None else self.eye.anew(evidence, earlier)
+
     def _hypothesis(self, chance: float, marginal: Mapping[Atom, float]) -> Hypothesis:
         """The distribution over states that probabilities of atoms stand for. A group contributes that of its atom, or
         of none of them; what an atom that several groups share is counted for too often is taken out again."""
@@ -186,8 +206,7 @@ class FusedMonitor:
         """Bayes' rule over outcomes and states. The most probable state is that of the most probable pair of both.
         `supposed` takes the place of evidence."""
         evidence = {
-            atom: self.eye.anew(self.eye.together(values), memory.believed.get(atom, 0.0))
-            for atom, values in memory.evidence.items()
+            atom: self._anew(atom, self.eye.together(values), memory) for atom, values in memory.evidence.items()
         }
         for atom, value in memory.felt.items():
             evidence[atom] = evidence.get(atom, 0.0) + (FELT if value else -FELT)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.monitor.actions import DEFAULTS, PRIOR, ActionModel, Chances, applied, outcome, touched
-from executive.monitor.eye import EXACT, Eye, Reading
+from executive.monitor.eye import EXACT, Earlier, Eye, Reading
 from executive.monitor.plain import PlainMonitor
 from executive.monitor.seam import Monitor, Thresholds
 from executive.types import Atom, Belief, Facts, SkillStatus
@@ -151,13 +151,27 @@ def test_the_least_certain_come_first() -> None:
 def test_the_same_answer_about_what_nothing_has_touched_never_adds_up_to_certainty(
     lasting: float, worth: float, looks: int
 ) -> None:
-    """e, then e again less what of it was the same error: e / a at most, and the plain sum where a is 0."""
-    eye, believed = Eye(lasting=lasting), 0.0
+    """n answers of worth e count for n e / (1 + (n - 1) a): e / a at most, and all of them where a is 0."""
+    eye, earlier = Eye(lasting=lasting), Earlier((worth,), worth)
     for _ in range(looks):
-        believed += eye.anew(worth, believed)
-    assert worth - 1e-9 <= believed <= worth / lasting + 1e-9
-    assert Eye().anew(worth, believed) == worth
-    assert eye.anew(-worth, believed) == -worth, "what speaks against it counts in full"
-    assert eye.anew(0.5, believed) == 0.5, "and what says next to nothing takes nothing away"
-    less = believed + eye.anew(worth, 9.0 * worth)
-    assert less <= believed + worth
+        believed = earlier.believed + eye.anew(worth, earlier)
+        assert worth - 1e-9 <= believed <= worth / lasting + 1e-9
+        earlier = earlier.with_look(worth, believed)
+    assert len(earlier.said) == looks + 1
+    assert Eye().anew(worth, earlier) == worth
+
+
+@given(st.floats(0.1, 1.0), st.lists(st.floats(0.7, 8.0), min_size=1, max_size=9), st.floats(0.7, 8.0))
+def test_a_look_that_is_surer_than_all_before_it_is_one_of_them(lasting: float, said: list[float], now: float) -> None:
+    eye, earlier = Eye(lasting=lasting), Earlier(tuple(said), said[-1])
+    believed = earlier.believed + eye.anew(now, earlier)
+    together = Eye(alike=lasting).together([*said, now])
+    assert believed == pytest.approx(together)
+
+
+def test_what_says_otherwise_counts_in_full_and_begins_anew() -> None:
+    eye, earlier = Eye(lasting=0.8), Earlier((2.0, 2.0), 2.0)
+    assert eye.anew(-3.0, earlier) == -3.0
+    assert earlier.with_look(-3.0, -1.0) == Earlier((-1.0,), -1.0)
+    assert eye.anew(0.3, earlier) == 0.3, "what says next to nothing takes nothing away"
+    assert earlier.with_look(0.3, 2.1) == Earlier((2.0, 2.0), 2.1)
