@@ -9,6 +9,9 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
+LONGEST = 2_000
+"""Characters of a message. Of a longer one, which quotes what nobody wrote, the middle is left out."""
+
 
 class ExecutiveError(Exception):
     """Base of every error that Executive raises on purpose. `exit_code` is what the command line ends with."""
@@ -24,8 +27,10 @@ class InputError(ExecutiveError):
 
     def __init__(self, message: str, *, file: Path | str | None = None, key: str | None = None) -> None:
         self.message, self.file, self.key = message, file, key
-        text = ": ".join(str(part) for part in (file, key, message) if part is not None)
-        super().__init__("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split())))
+        text = " ".join(": ".join(str(part) for part in (file, key, message) if part is not None).split())
+        if len(text) > LONGEST:
+            text = f"{text[: LONGEST - 500]} [...] {text[-490:]}"
+        super().__init__("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text))
 
 
 class DomainError(InputError):

@@ -22,6 +22,9 @@ from executive.s3e import S3E, Finding, observe
 from executive.s3e.pictures import read_picture
 from executive.types import Atom, Image
 
+_LONGEST = 1_000
+"""Characters of a pattern of atoms."""
+
 OWN = "questions"
 """The group that one's own questions are shown in; each atom is in that of its predicate."""
 
@@ -237,6 +240,8 @@ def choose(atoms: Sequence[Atom], patterns: Sequence[str]) -> tuple[Atom, ...]:
     """
     matched: set[Atom] = set()
     for pattern in patterns:
+        if len(pattern) > _LONGEST:
+            raise InputError(f"a pattern has {len(pattern):,} characters, and may have {_LONGEST:,}", key="--atoms")
         plain = re.sub(r"\s+", "", pattern).lower()
         wanted = plain if "(" in plain else f"{plain}(*)"
         found = [atom for atom in atoms if fnmatchcase(str(atom).lower(), wanted)]

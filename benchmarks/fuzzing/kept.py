@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import struct
 import tempfile
 from collections.abc import Callable
 from functools import cache
@@ -76,7 +77,7 @@ def arrays(data: bytes) -> bytes:
     try:
         found: dict[str, Any] = {name: _array(values) for name, values in json.loads(data).items()}
         np.savez(buffer, **found)
-    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError, struct.error):
         return data
     return buffer.getvalue()
 

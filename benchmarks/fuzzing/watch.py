@@ -17,7 +17,7 @@ from executive.errors import ExecutiveError
 PATIENCE = 10.0
 """Seconds of this process's own time that one input may take. Honest files take milliseconds."""
 
-LONGEST = 100_000
+LONGEST = 2_000
 """Characters of an error message. Some list all the names that would have been valid, and quote what is wrong."""
 
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND

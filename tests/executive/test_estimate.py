@@ -237,6 +237,11 @@ def test_no_answer_at_all_is_exit_code_1(pictures: list[Path], capsys: pytest.Ca
 # Which atoms
 
 
+def test_a_pattern_without_end_is_refused() -> None:
+    with pytest.raises(InputError, match=r"a pattern has 100,000 characters, and may have 1,000"):
+        choose(GROCERY.atoms, ["[" * 100_000])
+
+
 @given(st.sets(st.sampled_from(GROCERY.atoms), min_size=1))
 def test_every_atom_is_chosen_by_its_own_name(atoms: set[Atom]) -> None:
     chosen = choose(GROCERY.atoms, [str(atom) for atom in atoms])

@@ -26,6 +26,9 @@ from executive.types import Atom, Task
 
 WORDINGS = "wordings.toml"
 
+_LONGEST = 2_000
+"""Characters of a pattern or a name. The time that a pattern takes grows with their square."""
+
 _GROUP = re.compile(r"\(([^()]*)\)")
 
 
@@ -104,6 +107,8 @@ def _tables(file: Path) -> dict[str, dict[str, object]]:
 def _texts(entries: object, file: Path, key: str) -> list[str]:
     if not isinstance(entries, list) or not all(isinstance(entry, str) and entry.strip() for entry in entries):
         raise DomainError("expected a list of texts, none of them empty", file=file, key=key)
+    if (long := max(map(len, entries), default=0)) > _LONGEST:
+        raise DomainError(f"a text has {long:,} characters, and may have {_LONGEST:,}", file=file, key=key)
     return entries
 
 

@@ -75,6 +75,7 @@ def test_no_two_objects_are_called_the_same(grocery: Wordings) -> None:
         ("[questions]\non-table = ['{item} there?']", "does not name {table}"),
         ("[questions]\non-table = ['{item} on {tabel}?']", "names {tabel}"),
         ("[questions]\non-table = ['(a|{item} on {table}?']", "has a bracket"),
+        (f"[questions]\non-table = ['{'(a|b)' * 500}']", "questions.on-table: a text has 2,500 characters"),
         ("[objects]\nlemon = ['']", "objects.lemon: expected a list of texts"),
     ],
 )
