@@ -37,6 +37,8 @@ MOTION_POINTS = 64
 _ROOM, _LAST_EVENTS = ".room", 1 << 18
 """The file that keeps room, and its bytes."""
 _DECISIVE = (Started, Resumed, Decision, Ended)
+_AGES = 1e9
+"""Seconds: thirty years."""
 _STAMPS = {"cycle": int, "time": float, "wall": float}
 
 
@@ -190,6 +192,8 @@ def _event(line: bytes, folder: Path, images: bool) -> Event:
     if pictures:
         payload = replace(payload, images=pictures)
     cycle, time, wall = (decode(hint, record.get(stamp)) for stamp, hint in _STAMPS.items())
+    if not (abs(time) < _AGES and abs(wall) < _AGES):
+        raise ValueError(f"no run has events at {time} s, or after {wall} s")
     return Event(cycle, time, wall, payload)
 
 
