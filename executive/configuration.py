@@ -24,6 +24,9 @@ CONFIG = "config.toml"
 
 ESTIMATORS = ("oracle", "vlm", "none")
 
+PATIENCE = 900.0
+"""Wall seconds after which a look, a plan or an action is ended, unless told otherwise."""
+
 
 @dataclass(frozen=True, slots=True)
 class RunConfig:
@@ -49,7 +52,7 @@ class RunConfig:
     max_cycles: int | None = None
     max_looks: int | None = None
     max_seconds: float | None = None
-    patience: float = 900.0
+    patience: float = PATIENCE
     max_looks_again: int | None = None
     max_questions: int | None = None
     guard: bool = True

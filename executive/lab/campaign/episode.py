@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.assemble import Run, RunConfig
+from executive.configuration import PATIENCE
 from executive.errors import ExecutiveError
 from executive.faults import parse_fault
 from executive.lab.campaign.design import KEYS, Episode
@@ -153,6 +154,10 @@ def command(config: RunConfig) -> str:
         "--grasp-noise": config.grasp_noise or None,
         "--max-replans": config.max_replans,
         "--max-actions": config.max_actions,
+        "--max-cycles": config.max_cycles,
+        "--max-looks": config.max_looks,
+        "--max-seconds": config.max_seconds,
+        "--patience": config.patience if config.patience != PATIENCE else None,
         "--max-looks-again": config.max_looks_again,
         "--max-questions": config.max_questions,
         "--alpha": judge.alpha,

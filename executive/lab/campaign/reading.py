@@ -110,6 +110,8 @@ class _Run(_Table):
     grasp_noise: float = 0.0
     max_replans: int | None = Field(default=None, ge=0)
     max_actions: int | None = Field(default=None, ge=1)
+    max_cycles: int | None = Field(default=None, ge=1)
+    max_looks: int | None = Field(default=None, ge=1)
     max_looks_again: int | None = Field(default=None, ge=0)
     max_questions: int | None = Field(default=None, ge=1)
     guard: bool = True
