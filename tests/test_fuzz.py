@@ -15,7 +15,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.fuzz import by_chance
+from benchmarks.fuzz import by_chance, main
 from benchmarks.fuzzing import watch
 from benchmarks.fuzzing.inputs import NAMES, NASTY, NUMBERS, Rolled, changed, inputs, smallest, tokens
 from benchmarks.fuzzing.targets import TARGETS, Target
@@ -172,6 +172,26 @@ def test_what_does_harm_is_found_kept_and_made_small(tmp_path: Path, monkeypatch
     assert 0 < tally.inputs < 2_000
     assert by_chance("picky", tally.inputs - 1, tmp_path).finding == "", "the same inputs in the same order"
     assert by_chance("picky", 2_000, tmp_path, seed=1).inputs != tally.inputs
+
+
+def test_the_command_says_what_came_of_each_target(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(TARGETS, "picky", Target(picky, lambda: [b"milk lemon"]))
+    for targets, code, told in ((["address"], 0, "nothing was found"), (["address", "picky"], 1, "1 findings")):
+        options = ["--inputs", "100", "--engine", "chance", "--found", str(tmp_path)]
+        monkeypatch.setattr("sys.argv", ["fuzz", *targets, *options])
+        with pytest.raises(SystemExit) as left:
+            main()
+        assert left.value.code == code
+        head, *lines, last = capsys.readouterr().out.splitlines()
+        assert head.split() == ["target", "engine", "inputs", "taken", "refused", "s", "found"]
+        assert [line.split()[0] for line in lines] == targets
+        assert last == told
+    monkeypatch.setattr("sys.argv", ["fuzz", "adress"])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert "no target 'adress'; valid: " in capsys.readouterr().err
 
 
 def test_chance_is_fixed_by_its_seed() -> None:
