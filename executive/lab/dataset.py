@@ -279,7 +279,7 @@ def _table(path: Path, names: Sequence[str] | None = None) -> pa.Table:
             return file.read(None if names is None else list(names))
     except FileNotFoundError:
         raise InputError("there is no such file", file=path) from None
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise InputError(f"is damaged ({str(error).splitlines()[0].rstrip('.')})", file=path) from None
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from executive.errors import InputError
@@ -105,6 +106,34 @@ def test_a_shard_of_another_collection_or_place_is_refused(tmp_path: Path) -> No
     dataset.shard(folder, 0).rename(dataset.shard(folder, 5))
     with pytest.raises(InputError, match="belongs to another collection"):
         dataset.read_log(folder, samples.COLLECTION, 5)
+
+
+@pytest.mark.parametrize("name", [b"surprises", b"image_front", b"qpos"])
+def test_a_shard_whose_columns_have_no_names_is_damaged(tmp_path: Path, name: bytes) -> None:
+    folder = samples.write(tmp_path)
+    file = dataset.shard(folder, 0)
+    file.write_bytes(file.read_bytes().replace(name, b"\xff" + name[1:]))
+    for read in (lambda: list(dataset.read(folder)), lambda: dataset.read_log(folder, samples.COLLECTION, 0)):
+        with pytest.raises(InputError, match=r"episode-00000\.parquet: is damaged"):
+            read()
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(1, 4_000), st.integers(0, 255))
+def test_a_shard_with_a_wrong_byte_is_read_or_named(tmp_path: Path, before_its_end: int, byte: int) -> None:
+    folder = tmp_path / "collection"
+    if not folder.exists():
+        samples.write(folder)
+    file = dataset.shard(folder, 0)
+    whole = file.read_bytes()
+    at = max(0, len(whole) - before_its_end)
+    try:
+        file.write_bytes(whole[:at] + bytes([byte]) + whole[at + 1 :])
+        for read in (lambda: list(dataset.read(folder)), lambda: dataset.read_log(folder, samples.COLLECTION, 0)):
+            with contextlib.suppress(InputError):
+                read()
+    finally:
+        file.write_bytes(whole)
 
 
 def test_a_missing_shard_is_named(tmp_path: Path) -> None:
