@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from executive.errors import InputError, nearest
@@ -26,6 +26,14 @@ class _Plain:
 
 
 @dataclass(frozen=True, slots=True)
+class _Carried:
+    """A predicate, and where its arguments stand among a step's."""
+
+    predicate: str
+    positions: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class _Fused:
     groups: tuple[Group, ...]
     eye: Eye
@@ -34,6 +42,7 @@ class _Fused:
     """None: nothing is remembered."""
     counts: Mapping[str, Mapping[str, tuple[float, ...]]]
     """By action and by what its skill reports."""
+    carried: Mapping[str, _Carried] = field(default_factory=dict)
 
 
 _KINDS: Mapping[str, type] = {"plain": _Plain, "fused": _Fused}
@@ -91,7 +100,8 @@ def _fused(monitor: FusedMonitor) -> _Fused:
     for (action, status), each in (monitor.actions.counts if monitor.actions else {}).items():
         counts.setdefault(action, {})[status.value] = tuple(each)
     unrest = None if monitor.actions is None else monitor.actions.unrest
-    return _Fused(monitor.network.groups, monitor.eye, monitor.thresholds, unrest, counts)
+    carried = {action: _Carried(*said) for action, said in monitor.carried.items()}
+    return _Fused(monitor.network.groups, monitor.eye, monitor.thresholds, unrest, counts, carried)
 
 
 def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> FusedMonitor:
@@ -104,4 +114,5 @@ def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> FusedMonitor:
                     raise ValueError(f"counts: {action}: {status}: expected three numbers")
                 counts[action, SkillStatus(status)] = Chances(*numbers)
         actions = ActionModel(counts, kept.unrest)
-    return FusedMonitor(Network(tuple(atoms), kept.groups), kept.eye, actions, kept.thresholds)
+    carried = {action: (said.predicate, said.positions) for action, said in kept.carried.items()}
+    return FusedMonitor(Network(tuple(atoms), kept.groups), kept.eye, actions, kept.thresholds, carried)

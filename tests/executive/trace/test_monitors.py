@@ -39,9 +39,17 @@ actions = st.builds(
 fused = st.builds(
     FusedMonitor,
     st.sampled_from([Network(ATOMS, GROUPS), Network(ATOMS)]),
-    st.builds(Eye, st.dictionaries(st.sampled_from(["at", "held"]), readings), readings, shares),
+    st.builds(
+        Eye,
+        st.dictionaries(st.sampled_from(["at", "held"]), readings),
+        readings,
+        shares,
+        shares,
+        st.dictionaries(st.sampled_from(ATOMS), readings, max_size=2),
+    ),
     st.none() | actions,
     st.dictionaries(st.sampled_from(["at", "held", "free"]), thresholds),
+    st.dictionaries(st.sampled_from(["pick", "place"]), st.just(("held", (0,)))),
 )
 plain = st.builds(PlainMonitor, st.just(ATOMS), thresholds)
 
@@ -60,7 +68,7 @@ def test_a_monitor_comes_back_as_it_was(tmp_path_factory: pytest.TempPathFactory
     assert isinstance(again, FusedMonitor)
     assert (again.network.atoms, again.network.groups) == (monitor.network.atoms, monitor.network.groups)
     assert (again.eye, again.thresholds) == (monitor.eye, monitor.thresholds)
-    assert again.actions == monitor.actions
+    assert (again.actions, again.carried) == (monitor.actions, monitor.carried)
 
 
 def test_a_monitor_of_ones_own_is_not_kept(tmp_path: Path) -> None:
@@ -70,6 +78,7 @@ def test_a_monitor_of_ones_own_is_not_kept(tmp_path: Path) -> None:
         def __init__(self) -> None:
             inner = PlainMonitor(ATOMS)
             self.begin, self.acted, self.looked = inner.begin, inner.acted, inner.looked
+            self.otherwise = inner.otherwise
 
     assert monitors.save(tmp_path, Own()) is None
     assert monitors.described(Own()) == "Own"

@@ -1,0 +1,77 @@
+"""The values that flow through the executive: all frozen, none of them knows a planner, a model or a simulator.
+
+One word for one thing: an *atom* is a grounded predicate, *facts* are signed atoms, a *belief* is what a look says
+of each atom, a *verdict* is what an expectation becomes when a belief is held against it.
+"""
+
+from executive.types.decisions import Decision, DecisionKind, Ground, OutcomeKind
+from executive.types.deeds import Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
+from executive.types.events import Compared, Ended, Event, FaultInjected, Payload, Resumed, Revised, Started, Timing
+from executive.types.facts import Atom, Facts, FloatArray, Image
+from executive.types.looks import (
+    Belief,
+    Blinded,
+    Contradiction,
+    Evidence,
+    Guarded,
+    Judged,
+    Looked,
+    LookKind,
+    Observation,
+    Overruled,
+    Questions,
+    Remembered,
+    Verdict,
+)
+from executive.types.scenes import Camera, Frame, Geometry, Scenery
+from executive.types.tasks import NoPlan, NoPlanReason, Plan, Probed, Step, Task
+
+__all__ = [
+    "Atom",
+    "Belief",
+    "Blinded",
+    "Camera",
+    "Compared",
+    "Contradiction",
+    "Decision",
+    "DecisionKind",
+    "Dispatched",
+    "Ended",
+    "Event",
+    "Evidence",
+    "Facts",
+    "FaultInjected",
+    "FloatArray",
+    "Frame",
+    "Geometry",
+    "Ground",
+    "Guarded",
+    "Image",
+    "Judged",
+    "LookKind",
+    "Looked",
+    "Motion",
+    "Moved",
+    "NoPlan",
+    "NoPlanReason",
+    "Observation",
+    "OutcomeKind",
+    "Overruled",
+    "Payload",
+    "Phase",
+    "Plan",
+    "Probed",
+    "Questions",
+    "Remembered",
+    "Resumed",
+    "Revised",
+    "Scenery",
+    "Sense",
+    "SkillResult",
+    "SkillStatus",
+    "Started",
+    "Step",
+    "Task",
+    "Timing",
+    "Verdict",
+]

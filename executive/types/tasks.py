@@ -1,0 +1,95 @@
+"""What is to be reached, and by which steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from executive.types.facts import Atom, Facts
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One grounded action: what must hold before it, what it makes true and false."""
+
+    action: str
+    args: tuple[str, ...]
+    preconditions: Facts
+    effects: Facts
+
+    def __str__(self) -> str:
+        return f"{self.action}({','.join(self.args)})"
+
+    def about(self, predicates: Mapping[str, tuple[str, tuple[int, ...]]]) -> Atom | None:
+        """An atom about this step's arguments: `predicates` says of an action which predicate, and the positions of its
+        arguments among the step's. None where it says nothing of this action."""
+        if self.action not in predicates:
+            return None
+        predicate, positions = predicates[self.action]
+        return Atom(predicate, tuple(self.args[position] for position in positions))
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A sequence of steps, its cost, who found it and how long that took (wall seconds)."""
+
+    steps: tuple[Step, ...]
+    cost: float
+    planner: str
+    seconds: float
+
+
+class NoPlanReason(StrEnum):
+    UNSOLVABLE = "unsolvable"
+    TIMED_OUT = "timed out"
+    CRASHED = "crashed"
+
+
+@dataclass(frozen=True, slots=True)
+class NoPlan:
+    """Why there is no plan. Unsolvable, timed out and crashed call for different answers and are kept apart."""
+
+    reason: NoPlanReason
+    detail: str = ""
+    planner: str = ""
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A planning task without its initial state, which the robot has to see for itself.
+
+    `objects` maps each object to its type, `atoms` are all grounded boolean fluents, `goal` is signed. `declared` are
+    the atoms that the problem file's :init names; they set the stage (a simulator places items accordingly), and the
+    robot is not told. `parameters` maps each predicate to the names of its parameters; `numeric` are the names of the
+    numeric fluents, which have no atoms and are not estimated.
+    """
+
+    name: str
+    problem: str
+    objects: Mapping[str, str]
+    atoms: tuple[Atom, ...]
+    goal: Facts
+    declared: frozenset[Atom] = frozenset()
+    parameters: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    numeric: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        unknown = set(self.goal) - set(self.atoms)
+        if unknown:
+            raise ValueError(f"the goal names {sorted(map(str, unknown))}, which the task does not have")
+
+
+@dataclass(frozen=True, slots=True)
+class Probed:
+    """What the planner answered about `goal` where nothing comes of it: it was only asked whether that can be reached,
+    or the budget is used up. A plan, or why there is none."""
+
+    goal: Facts
+    plan: Plan | None
+    no_plan: NoPlan | None = None
+
+    def __post_init__(self) -> None:
+        if (self.plan is None) is (self.no_plan is None):
+            raise ValueError("a planner answers with a plan or with why there is none")
