@@ -121,7 +121,8 @@ class SceneSpec(_Strict):
     items: Annotated[tuple[ItemSpec, ...], Field(min_length=1, alias="item")]
     cameras: Annotated[tuple[CameraSpec, ...], Field(min_length=1, alias="camera")]
     placement: PlacementSpec = PlacementSpec()
-    timestep: Annotated[float, Field(gt=0, le=0.005)] = 0.002
+    timestep: Annotated[float, Field(ge=1e-4, le=0.005)] = 0.002
+    """Seconds. What happens takes the longer to simulate the shorter these are."""
 
     @model_validator(mode="after")
     def _names_once(self) -> Self:

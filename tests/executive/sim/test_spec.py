@@ -37,6 +37,7 @@ def test_grocery_scene_is_read() -> None:
         ('asset = "lemon"', 'shape = "box"\nsize = [0.05, 0.05, 0.05]', "item[2]", "'scale' is for an 'asset'"),
         ('asset = "lemon"', 'asset = "lemon"\nsize = [0.05, 0.05, 0.05]', "item[2]", "'size' is for a 'shape'"),
         ("scale = 1.25", "scale = [1, 1]", "item[2].scale", "valid number"),
+        ("[robot]", "timestep = 1e-300\n[robot]", "timestep", "greater than or equal to 0.0001"),
         ("fovy_degrees = 48", "fovy_degrees = 480", "camera[0].fovy_degrees", "less than 150"),
     ],
 )
