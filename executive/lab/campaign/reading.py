@@ -121,7 +121,7 @@ class _File(_Table):
     title: str = Field(min_length=1)
     about: str = ""
     seeds: int | list[int]
-    minutes: float = Field(default=20.0, gt=0.0, allow_inf_nan=False)
+    minutes: float = Field(default=20.0, gt=0.0, le=100_000.0)
     domains: list[_Domain] = Field(min_length=1)
     faults: dict[str, list[str]] = {"no faults": []}
     estimators: dict[str, _Estimator] = {"oracle": _Estimator()}

@@ -199,6 +199,13 @@ def test_somebody_else_there_is_one_line() -> None:
         assert str(caught.value).startswith(f"{server.url}: ")
 
 
+@pytest.mark.parametrize("name", [3, None, ["a"], "a\x1b[2Jb", "two\nlines", "\ud800"])
+def test_a_name_that_is_no_line_of_text_is_no_models(name: object) -> None:
+    listed = as_json({"data": [{"id": "tiny"}, {"id": name}]})
+    with serving(honest, listed) as server, pytest.raises(ServerError, match="it lists no models"):
+        ChatServer(server.url, "tiny", environment={})
+
+
 @pytest.mark.parametrize("models", [[], ["llava", "qwen"]])
 def test_which_model_is_meant_has_to_be_clear(models: list[str]) -> None:
     with serving(honest, models) as server:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
+import struct
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -89,6 +91,23 @@ def a_shard_is_outside(folder: Path) -> None:
     changed(folder / "model.safetensors.index.json", lambda index: {"weight_map": {"a": "../../model-1.safetensors"}})
 
 
+def a_shard_is_called(name: str) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        shards(folder)
+        changed(folder / "model.safetensors.index.json", lambda index: {"weight_map": {"a": name}})
+
+    return change
+
+
+def a_header_says(**tensor: Any) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        said = {"w": {"dtype": "F32", "shape": [2], "data_offsets": [0, 8], **tensor}}
+        header = json.dumps(said).replace('"huge"', "9" * 4_000).encode()
+        (folder / "model.safetensors").write_bytes(struct.pack("<Q", len(header)) + header + bytes(8))
+
+    return change
+
+
 def pickled(folder: Path) -> None:
     (folder / "model.safetensors").rename(folder / "pytorch_model.bin")
 
@@ -150,6 +169,17 @@ BROKEN: dict[str, tuple[Callable[[Path], None], str, str]] = {
     "a missing shard": (a_shard_is_missing, "model-2.safetensors", "is missing"),
     "a shard cut off": (a_shard_is_cut_off, "model-2.safetensors", "cut off"),
     "a shard elsewhere": (a_shard_is_outside, "index.json", "outside"),
+    "a shard whose name is too long": (a_shard_is_called("a" * 300), "aaa", "is missing"),
+    "a shard with a zero byte in its name": (a_shard_is_called("a\0b"), "b", "is missing"),
+    "a shard that is the folder above": (a_shard_is_called(".."), "eye/..", "cannot be read"),
+    "tensors without end": (a_header_says(data_offsets=[0, "huge"]), "model.safetensors", "header makes no sense"),
+    "tensors of infinite size": (
+        a_header_says(data_offsets=[0, math.inf]),
+        "model.safetensors",
+        "header makes no sense",
+    ),
+    "tensors of too many dimensions": (a_header_says(shape=[2] * 64), "model.safetensors", "header makes no sense"),
+    "tensors of half a value": (a_header_says(shape=[0.5]), "model.safetensors", "header makes no sense"),
     "weights of another model": (some_weights_are_missing, "eye", "lack 4 of the model's.*multi_modal_projector"),
     "weights of other shapes": (other_shapes, "eye", r"another model's: .* is \(.*64.*\) in the weights, \(.*48"),
     "no tokenizer": (without("tokenizer.json", "tokenizer_config.json"), "eye", "no tokenizer"),

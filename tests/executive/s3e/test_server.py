@@ -202,14 +202,14 @@ def test_leading_spaces_are_known_as_vocabularies_spell_them(token: str) -> None
     assert masses(json.loads(completion({token: 0.5}).body), YES_NO) == pytest.approx((0.5, 0.0))
 
 
-@pytest.mark.parametrize("logprob", [None, -9999.0, -math.inf])
+@pytest.mark.parametrize("logprob", [None, -9999.0, -9999, -(10**400), -math.inf])
 def test_minus_infinity_has_many_spellings(logprob: float | None) -> None:
     reply = json.loads(completion({"yes": 0.5, "no": 0.2}).body)
     reply["choices"][0]["logprobs"]["content"][0]["top_logprobs"][1]["logprob"] = logprob
     assert masses(reply, YES_NO) == pytest.approx((0.5, 0.0))
 
 
-@pytest.mark.parametrize("logprob", [math.nan, math.inf, 0.7, "-0.1", True, [], {}])
+@pytest.mark.parametrize("logprob", [math.nan, math.inf, 0.7, 10**400, "-0.1", True, [], {}])
 def test_what_is_no_logarithm_of_a_probability_is_no_answer(logprob: object) -> None:
     reply = json.loads(completion({"yes": 0.5, "no": 0.2}).body)
     reply["choices"][0]["logprobs"]["content"][0]["top_logprobs"][0]["logprob"] = logprob
