@@ -4,7 +4,8 @@
 Two ways to come by inputs: by `chance`, real files are changed in the ways that files are wrong in (the seed and an
 input's number give the input again); `atheris` is guided by the lines that inputs reach (`pip install
 'executive[fuzz]'`). By default each that is installed gets its share of them. A parser has to take an input or say in
-one line what is wrong with it, in time, and without touching anything else.
+one line what is wrong with it, in time, and without touching anything else. Where temporary files are in memory
+(`TMPDIR=/dev/shm`), it takes half the time.
 """
 
 from __future__ import annotations

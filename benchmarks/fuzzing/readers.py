@@ -13,7 +13,8 @@ import random
 import shutil
 import struct
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from functools import cache, lru_cache
+from importlib.metadata import entry_points
 from pathlib import Path
 from unittest import mock
 
@@ -91,14 +92,24 @@ def _both(domain: Path, problem: Path) -> None:
 
 
 def feed_manifest(data: bytes, scratch: Path) -> None:
+    """The PDDL beside it stays as it is, and is read once; so are the words that packages register."""
     folder = scratch / "domain"
     if not folder.exists():
         shutil.copytree(GROCERY, folder)
     written(folder, "domain.toml", data)
-    try:
-        load_domain(folder)
-    finally:
-        load_subject(folder)
+    with mock.patch.multiple("executive.domain", read_task=_task, read_vocabulary=_vocabulary):
+        try:
+            load_domain(folder, skills=_registered("skills"), relations=_registered("relations"))
+        finally:
+            load_subject(folder)
+
+
+@cache
+def _registered(kind: str) -> frozenset[str]:
+    return frozenset(point.name for point in entry_points(group=f"executive.{kind}"))
+
+
+_task, _vocabulary = lru_cache(16)(read_task), lru_cache(16)(read_vocabulary)
 
 
 def feed_scene(data: bytes, scratch: Path) -> None:
