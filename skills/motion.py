@@ -6,6 +6,7 @@ Limits are iterations, never seconds, so that a seed repeats a motion on any mac
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -31,14 +32,15 @@ _REFINE = 100
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
     """(N, 6) configurations in rad, joined by straight edges; their summed length; who found it in how many
-    iterations, and the wall seconds that took. `tree` are the (M, 2, 6) free edges that were tried, where they were
-    asked for and there was a search."""
+    iterations; the wall seconds that took, and those of them until there was any path. `tree` are the (M, 2, 6) free
+    edges that were tried, where they were asked for and there was a search."""
 
     configurations: FloatArray
     cost: float
     planner: str
     iterations: int
     seconds: float
+    first: float
     tree: FloatArray | None = None
 
 
@@ -81,9 +83,11 @@ class _Edges(ob.MotionValidator):  # type: ignore[misc]
 
 
 class MotionPlanner:
-    """AORRTC over the arm's joints, whose bounds are in `limits`, through what is free in `space`."""
+    """AORRTC over the arm's joints, whose bounds are in `limits`, through what is free in `space`; for `refine` more
+    iterations once there is a path."""
 
-    def __init__(self, limits: ArmLimits, space: Space) -> None:
+    def __init__(self, limits: ArmLimits, space: Space, refine: int = _REFINE) -> None:
+        self._refine = refine
         self._free, self.edge_free = space.free, space.edge_free
         dof = len(limits.lower)
         self._limits = limits
@@ -119,7 +123,9 @@ class MotionPlanner:
         for goal in open_goals:
             if self.edge_free(start, goal):
                 seconds = time.perf_counter() - began
-                return Path(np.stack([start, goal]), float(np.linalg.norm(goal - start)), "straight", 0, seconds)
+                return Path(
+                    np.stack([start, goal]), float(np.linalg.norm(goal - start)), "straight", 0, seconds, seconds
+                )
         # Most detours are short: look near the two ends first, and everywhere only when that fails.
         ends = np.stack([start, *open_goals])
         low, high = ends.min(axis=0) - _NEAR, ends.max(axis=0) + _NEAR
@@ -130,15 +136,17 @@ class MotionPlanner:
             self._bound(lower, upper)
             found = self._search(start, open_goals, seed, iterations // 2, keep_tree)
             if found is not None:
-                path, count, tree = found
+                path, progress, tree = found
                 cost = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-                return Path(path, cost, "AORRTC", count, time.perf_counter() - began, tree)
+                return Path(
+                    path, cost, "AORRTC", progress.count, time.perf_counter() - began, progress.first - began, tree
+                )
         return None
 
     def _search(
         self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int, keep_tree: bool
-    ) -> tuple[FloatArray, int, FloatArray | None] | None:
-        """AORRTC, then OMPL's shortcutting: the path, how many iterations it took, and the tree if it is wanted."""
+    ) -> tuple[FloatArray, _Progress, FloatArray | None] | None:
+        """AORRTC, then OMPL's shortcutting: the path, how it went, and the tree if it is wanted."""
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
         problem = ob.ProblemDefinition(self._information)
         problem.addStartState(self._state(start))
@@ -150,7 +158,7 @@ class MotionPlanner:
         planner = og.AORRTC(self._information)
         planner.setProblemDefinition(problem)
         planner.setup()
-        progress = _Progress(problem.hasExactSolution, iterations)
+        progress = _Progress(problem.hasExactSolution, iterations, self._refine)
         self._edges.kept = [] if keep_tree else None
         planner.solve(ob.PlannerTerminationCondition(progress))
         tree = None if self._edges.kept is None else np.reshape(self._edges.kept, (-1, 2, len(start)))
@@ -162,7 +170,7 @@ class MotionPlanner:
         simplifier.reduceVertices(found)
         simplifier.partialShortcutPath(found, 60, 30)
         states = [found.getState(index) for index in range(found.getStateCount())]
-        return np.array([[state[joint] for joint in range(len(start))] for state in states]), progress.count, tree
+        return np.array([[state[joint] for joint in range(len(start))] for state in states]), progress, tree
 
     def _bound(self, lower: FloatArray, upper: FloatArray) -> None:
         bounds = ob.RealVectorBounds(len(lower))
@@ -179,15 +187,17 @@ class MotionPlanner:
 
 
 class _Progress:
-    """Stops the planner after a number of iterations, or some after it has a first solution."""
+    """Stops the planner after a number of iterations, or some after it has a first solution; when that was, too."""
 
-    def __init__(self, found: Callable[[], bool], limit: int) -> None:
-        self._found, self._limit = found, limit
+    def __init__(self, found: Callable[[], bool], limit: int, refine: int) -> None:
+        self._found, self._limit, self._refine = found, limit, refine
         self.count = 0
+        self.first = math.inf
         self._since_found = 0
 
     def __call__(self) -> bool:
         self.count += 1
         if self._since_found or self._found():
             self._since_found += 1
-        return self.count > self._limit or self._since_found > _REFINE
+            self.first = min(self.first, time.perf_counter())
+        return self.count > self._limit or self._since_found > self._refine

@@ -107,9 +107,11 @@ def measure(everything: bool) -> list[Row]:
     )  # fmt: skip
     open_edges = sum(arm.collision.edge_free(*edge) for edge in edges)
     missed, deep, count = _missed(world, full, 100_000 if everything else 10_000)
+    against = "mj_kinematics + mj_collision, full model"
+    note = f"ratio {alone[2]:.0f} for {len(some)} in one call, {single[2]:.0f} one by one"
     return [
         Row("collision check, one configuration", 1e6 * alone[0] / len(some), 1e6 * alone[1] / len(some), "us",
-            "40 times", alone[2] >= 40, "mj_kinematics + mj_collision, full model", f"ratio {alone[2]:.0f} for {len(some)} in one call, {single[2]:.0f} one by one"),
+            "40 times", alone[2] >= 40, against, note),
         Row("collision check, one edge of 0.8 rad", 1e6 * along[0] / len(edges), 1e6 * along[1] / len(edges), "us",
             "100 times", along[2] >= 100, "the same, every 0.05 rad until one touches",
             f"ratio {along[2]:.0f}; {open_edges} of {len(edges)} edges are free"),
