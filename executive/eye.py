@@ -77,7 +77,7 @@ class EyeConfig:
 def shipped(name: str) -> Path | None:
     """The folder of the model that comes with a domain, or None."""
     folder = SHIPPED / f"{name}-eye"
-    return folder if (folder / "config.json").is_file() else None
+    return folder if os.path.isfile(folder / "config.json") else None
 
 
 def settled(config: EyeConfig, subject: Subject) -> EyeConfig:

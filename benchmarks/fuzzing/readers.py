@@ -159,7 +159,7 @@ def feed_faults(data: bytes, scratch: Path) -> None:
 def feed_campaign(data: bytes, scratch: Path) -> None:
     """The domains that it names are read once: these have targets of their own, and would take most of the time."""
     with mock.patch("executive.lab.campaign.reading.load_domain", _known_domain):
-        read_campaign(written(scratch, "campaign.toml", data))
+        read_campaign(written(scratch, "campaign.toml", data)).described()
 
 
 @cache

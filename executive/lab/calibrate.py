@@ -3,6 +3,7 @@ and one that says how far it can be trusted (`executive.trust`)."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -59,7 +60,7 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
                 if not np.isnan(value)
             }
             looks.append((answered, dict(zip(answers.atoms, map(bool, truth), strict=True))))
-    if out.is_dir() and corrected == {False}:
+    if os.path.isdir(out) and corrected == {False}:
         correction = calibration.fit(
             [(Belief(-1, probability), truth) for probability, truth in looks], model=min(models)
         )

@@ -177,7 +177,7 @@ class _Memory:
         self._changed = False
         self.warnings: list[str] = []
         key = hashlib.sha256(json.dumps([_FORMAT, model, system]).encode()).hexdigest()[:16]
-        name = "".join(c if c.isalnum() or c in "-_" else "-" for c in task.name)
+        name = "".join(c if c.isalnum() or c in "-_" else "-" for c in task.name[:60])
         self._file = None if folder is None else folder / f"{name}-{key}.json"
         if self._file is not None and self._file.exists():
             self._load(self._file)

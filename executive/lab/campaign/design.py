@@ -6,6 +6,7 @@ by `executive.lab.campaign.reading`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -135,4 +136,4 @@ class Campaign:
 def _named(options: dict[str, Any]) -> dict[str, Any]:
     """Options with the names of files and folders alone: where they lie makes no difference."""
     paths = {key: Path(value) for key in ("vlm", "calibration", "trust") if (value := options.get(key)) is not None}
-    return {**options, **{key: path.name for key, path in paths.items() if path.exists()}}
+    return {**options, **{key: path.name for key, path in paths.items() if os.path.exists(path)}}

@@ -81,6 +81,12 @@ def test_what_is_no_evaluation_of_this_eye_and_task_is_refused(
     assert not (tmp_path / "trust.json").exists()
 
 
+def test_a_file_that_cannot_be_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    done = evaluation(tmp_path / "a", 60, 1)
+    assert exit_code(["calibrate", str(TRAY), str(done), "--out", str(tmp_path / ("a" * 300))]) == BAD_INPUT
+    assert "File name too long" in capsys.readouterr().err
+
+
 def test_corrected_probabilities_are_not_corrected_again(tmp_path: Path) -> None:
     model = tmp_path / "model"
     model.mkdir()

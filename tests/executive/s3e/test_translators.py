@@ -267,6 +267,14 @@ def test_a_damaged_file_is_put_aside_with_a_warning_and_mended(tmp_path: Path, c
     assert translated(good, cache=tmp_path)[0] == first
 
 
+def test_a_domain_may_have_a_long_name(tmp_path: Path) -> None:
+    task = replace(TASK, name="a" * 5_000)
+    for asked in (True, False):
+        writer = FakeWriter(good)
+        questions = LanguageModel(writer, DOMAIN, TEMPLATES, cache=tmp_path).translate(task)
+        assert (questions.warnings, bool(writer.calls)) == ((), asked)
+
+
 def test_a_folder_that_cannot_be_written_is_a_warning(tmp_path: Path) -> None:
     (tmp_path / "kept").write_text("a file")
     questions, _ = translated(good, cache=tmp_path / "kept")

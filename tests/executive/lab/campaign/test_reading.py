@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from executive.domain import load_subject
 from executive.errors import DomainError, InputError
-from executive.eye import EyeConfig
+from executive.eye import EyeConfig, open_eye
 from executive.lab.campaign.design import KEYS
 from executive.lab.campaign.reading import check, model_digest, read_campaign
 from executive.monitoring import PRESETS, MonitorConfig
@@ -144,6 +145,14 @@ def test_a_mistake_is_one_line_with_its_key(tmp_path: Path, text: str, told: str
         read_campaign(written(tmp_path, text))
     assert told in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_model_may_have_any_name_until_it_is_loaded(tmp_path: Path) -> None:
+    name = "a" * 300
+    made = read_campaign(written(tmp_path, HEAD + f"[estimators]\nvlm = {{ vlm = '{name}' }}\n"))
+    assert name in str(made.described())
+    with pytest.raises(InputError, match="no such folder"):
+        open_eye(EyeConfig(vlm=name), load_subject(TRAY))
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
