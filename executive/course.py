@@ -30,6 +30,9 @@ from executive.types import (
     Task,
 )
 
+HUNCH = 0.05
+"""What is less probable than this is nothing to act upon."""
+
 
 @dataclass(frozen=True, slots=True)
 class Moment:
@@ -53,8 +56,8 @@ class Course:
     `todo` are the positions of the plan's steps that are left, `attempt` counts the tries at the first of them, and
     `report` is what the skill of this cycle said. `failures` counts how often a step failed from the same known facts;
     `stuck` are the steps that were given up on, with what was known before and after; `given_up_why` is why some of the
-    goal was given up last. `redone` are literals of the goal that were never sure and were brought about once more, to
-    be sure. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
+    goal was given up last. `tried` are the atoms that were acted upon as if they were not what they
+    are believed to be. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
     loop, an *action* a dispatched step, a *replan* a plan that was taken up after the first.
     """
 
@@ -76,7 +79,7 @@ class Course:
     failures: Mapping[tuple[Step, Facts], int] = field(default_factory=lambda: MappingProxyType({}))
     stuck: frozenset[tuple[Step, Facts]] = frozenset()
     given_up_why: str = ""
-    redone: frozenset[Atom] = frozenset()
+    tried: tuple[Atom, ...] = ()
     since: Resumed | None = None
 
     @property
@@ -223,13 +226,24 @@ class Course:
         """What was given up is gone for again, if all of the goal is seen to hold."""
         return replace(self, goal=self.task.goal) if self.seen.entails(self.task.goal) else self
 
+    @property
+    def hunches(self) -> tuple[Atom, ...]:
+        """The atoms that are not believed and may be true all the same, the most probable first."""
+        if self.judgement is None:
+            return ()
+        chance = {atom: self.judgement.probability.get(atom, 0.0) for atom in self.task.atoms}
+        may_be = [atom for atom, value in chance.items() if value >= HUNCH and not self.state[atom]]
+        # Twice: what the robot was at when it had the hunch may come first, and how that goes may undo the plan.
+        open_ = (atom for atom in may_be if self.tried.count(atom) < 2)
+        return tuple(sorted(open_, key=lambda atom: (-chance[atom], atom)))
+
     def supposing(self, state: Facts, doubted: Atom) -> Course:
         """From here on it is done as if `state` held, though another one is more probable: what was in doubt is sure
         once that has been carried out."""
         if self.judgement is None:
             raise ValueError("nobody has looked yet")
         judgement = replace(self.judgement, state=state)
-        return replace(self, known=state, judgement=judgement, redone=self.redone | {doubted})
+        return replace(self, known=state, judgement=judgement, tried=(*self.tried, doubted))
 
     def giving_up(self, why: str) -> Course:
         """Some of the goal is about to be left out of what is planned for."""

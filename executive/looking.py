@@ -93,6 +93,10 @@ class Looker:
         """What is most probable if an atom is not what it is believed to be."""
         return self._monitor.otherwise(course.memory, atom)
 
+    def supposing(self, course: Course, atom: Atom) -> Facts | None:
+        """What is most probable if an atom is true."""
+        return self._monitor.supposing(course.memory, atom)
+
     def waited(self, course: Course) -> Course:
         """Time went by in which the world may have changed."""
         self._answered = []

@@ -18,10 +18,11 @@ from executive.course import Course
 from executive.errors import InputError
 from executive.looking import Looker
 from executive.monitor import Monitor, PlainMonitor
-from executive.policy import Redo, Settings
+from executive.policy import Settings, Try
 from executive.protocols import Estimator, FaultSource, Planner, Sink, Skill, World
 from executive.session import Session
 from executive.types import (
+    Atom,
     Belief,
     Compared,
     Decision,
@@ -137,6 +138,9 @@ class Executive:
             decision = policy.unplanned(plan, answers[plan.reason], self.course.doubts(self.settings), self.settings)
             if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
                 self.course = self._looker.again(self.course, "there is no plan", decision.evidence)
+            elif decision.kind is DecisionKind.GIVE_UP_GOAL and (hunch := self._hunch()) is not None:
+                self._decide(policy.on_a_hunch(decision, hunch))
+                return self._attempt(hunch)
             elif decision.kind is not DecisionKind.REPLAN:
                 return decision
         return self._take_up(plan, self.course.goal)
@@ -207,26 +211,39 @@ class Executive:
             redo = self._redo(verdict) if checks > self.settings.max_looks_again else None
             decision = self._decide(policy.finish(course.goal, verdict, unsure, checks, dropped, self.settings, redo))
             if decision.kind is DecisionKind.REPLAN and redo is not None:
-                self.course = course.supposing(redo.state, redo.doubted)
-                return self._take_up(redo.plan, course.goal)
+                return self._attempt(redo)
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision if plan is None else self._take_up(plan, course.task.goal)
             self.course, checks = self._looker.again(course, cause, decision.evidence), checks + 1
 
-    def _redo(self, verdict: Verdict) -> Redo | None:
+    def _redo(self, verdict: Verdict) -> Try | None:
         """How to make sure of a literal of the goal that looks speak for, and never enough; each is tried once."""
         course, judgement = self.course, self.course.judgement
         answered = judgement.belief.probability if judgement else {}
-        doubted = [atom for atom in sorted(verdict.unknown & answered.keys()) if atom not in course.redone]
+        doubted = [atom for atom in sorted(verdict.unknown & answered.keys()) if atom not in course.tried]
         if verdict.violated or not verdict.holds or not doubted:
             return None
-        state = self._looker.otherwise(course, doubted[0])
-        if state is None or state.entails(course.goal):
+        return self._plan_as_if(doubted[0], self._looker.otherwise(course, doubted[0]))
+
+    def _hunch(self) -> Try | None:
+        """How to reach the goal, as it cannot be reached from what is believed, from what may be so."""
+        if self.estimator is None:
+            return None
+        tries = (self._plan_as_if(atom, self._looker.supposing(self.course, atom)) for atom in self.course.hunches)
+        return next((found for found in tries if found is not None), None)
+
+    def _plan_as_if(self, atom: Atom, state: Facts | None) -> Try | None:
+        goal = self.course.goal
+        if state is None or state.entails(goal):
             return None
         with self._session.stage("plan"):
-            plan = self.planner.plan(state, course.goal)
-        self._emit(Probed(course.goal, None, plan) if isinstance(plan, NoPlan) else Probed(course.goal, plan))
-        return None if isinstance(plan, NoPlan) else Redo(doubted[0], state, plan)
+            plan = self.planner.plan(state, goal)
+        self._emit(Probed(goal, None, plan) if isinstance(plan, NoPlan) else Probed(goal, plan))
+        return None if isinstance(plan, NoPlan) else Try(atom, state, plan)
+
+    def _attempt(self, found: Try) -> Decision:
+        self.course = self.course.supposing(found.state, found.doubted)
+        return self._take_up(found.plan, self.course.goal)
 
     def _give_up(self, cause: Decision) -> Decision:
         """Leave out of the goal what cannot be reached, and go for the rest."""

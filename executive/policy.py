@@ -119,9 +119,9 @@ class Dropped(NamedTuple):
     plan: Plan | None = None
 
 
-class Redo(NamedTuple):
-    """A literal of the goal that is believed, and not surely; the state to plan from if it did not hold, and the plan
-    that brings it about from there."""
+class Try(NamedTuple):
+    """An atom that cannot be told, the state to plan from if it is not what it is believed to be, and the plan that
+    reaches the goal from there."""
 
     doubted: Atom
     state: Facts
@@ -226,6 +226,12 @@ def unplanned(no_plan: NoPlan, times: int, doubts: Doubts, settings: Settings) -
     return Decision(DecisionKind.GIVE_UP_GOAL, reason)
 
 
+def on_a_hunch(cause: Decision, hunch: Try) -> Decision:
+    """`cause` calls for giving up goals, and there is a plan for all of them if something is so that may well be."""
+    reason = f"{cause.reason}; before any of it is given up, it is tried as if {hunch.doubted} were so"
+    return Decision(DecisionKind.REPLAN, reason, (hunch.doubted,))
+
+
 def given_up(cause: Decision, goal: Facts, kept: Facts, is_stuck: bool) -> Decision:
     """`cause` calls for giving up goals, and `kept` is what of `goal` can be reached. `is_stuck`: there are plans, but
     they hang on a step that fails again and again."""
@@ -247,7 +253,7 @@ def finish(
     checks: int,
     dropped: Dropped,
     settings: Settings,
-    redo: Redo | None = None,
+    redo: Try | None = None,
 ) -> Decision:
     """Nothing is left to do: `verdict` holds the goal against what is seen now, for only seeing it is success, and is
     the `checks`-th one in a row. `unsure` are its atoms, and where some of it was given up all atoms, that cannot be

@@ -166,6 +166,9 @@ class FusedMonitor:
             return None
         return Facts.closed(max(supposed, key=lambda posterior: posterior.log_best).best, self.network.atoms)
 
+    def supposing(self, memory: Track, atom: Atom) -> Facts | None:
+        return Facts.closed(self._posterior(memory, {atom: _CERTAIN}).best, self.network.atoms)
+
     def _earlier(
         self, memory: Track, marginal: Mapping[Atom, float], still: Mapping[Atom, float], touched_: frozenset[Atom]
     ) -> dict[Atom, Earlier]:

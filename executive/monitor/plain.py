@@ -41,6 +41,9 @@ class PlainMonitor:
     def otherwise(self, memory: Taken, atom: Atom) -> Facts | None:
         return None
 
+    def supposing(self, memory: Taken, atom: Atom) -> Facts | None:
+        return None
+
     def looked(self, memory: Taken, raw: Belief, cycle: int) -> tuple[Taken, Judgement]:
         atoms = frozenset(self.atoms)
         answers = {**memory.answers, **{atom: value for atom, value in raw.probability.items() if atom in atoms}}

@@ -99,6 +99,11 @@ class Monitor(Protocol):
         its stead, from what was seen so far; None where nothing else is known that could be."""
         ...
 
+    def supposing(self, memory: Memory, atom: Atom) -> Facts | None:
+        """The most probable state in which `atom` is true, from what was seen so far; None where it cannot be told
+        what else would be otherwise then."""
+        ...
+
     def looked(self, memory: Memory, raw: Belief, cycle: int) -> tuple[Memory, Judgement]:
         """One more look at the moment since the last action. `raw` is what the estimator says, about all atoms or some
         of them; what it leaves out or does not answer, this look does not tell."""

@@ -28,14 +28,14 @@ SHARP = Eye(other=Reading(1e-3, 1e-3), alike=0.8, lasting=0.8)
 class Leaning(ScriptedEstimator):
     """Takes a thing on r, across from q, for one on q, with the same doubt in every look."""
 
-    lean = 0.75
+    lean, there = 0.75, 0.2
 
     def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
         belief = super().estimate(observation, atoms)
         if self._world.past[observation.id]["a"] != "r":
             return belief
         told = {**belief.probability}
-        told |= {atom: value for atom, value in ((at("a", "q"), self.lean), (at("a", "r"), 0.2)) if atom in told}
+        told |= {atom: value for atom, value in ((at("a", "q"), self.lean), (at("a", "r"), self.there)) if atom in told}
         return Belief(belief.observation_id, told, belief.unanswered, belief.source)
 
 
@@ -67,6 +67,38 @@ def test_it_is_done_once_more_only_once() -> None:
     assert (ended.outcome, ended.goal_seen) == (OutcomeKind.PARTIAL, False)
     assert "cannot tell at(a,q)" in ended.reason
     assert sum("done once more" in each.reason for each in made.recorder.of(Decision)) == 1
+
+
+def test_before_a_goal_is_given_up_it_is_tried_where_the_thing_may_be() -> None:
+    """It is dropped where it can hardly be told, and no plan leads on from not knowing where it is."""
+    made = across()
+    assert isinstance(made.estimator, Leaning)
+    made.estimator.lean, made.estimator.there = 0.02, 0.2
+    ended = made.play()
+    assert (ended.outcome, ended.goal_seen, made.goal_true) == (OutcomeKind.GOAL_REACHED, True, True)
+    hunches = [each for each in made.recorder.of(Decision) if "it is tried as if" in each.reason]
+    assert {(each.kind, each.evidence) for each in hunches} == {(DecisionKind.REPLAN, (at("a", "r"),))}
+    assert pick("a", "r") in [order.step for order in made.recorder.of(Dispatched)]
+
+
+def test_a_hunch_that_is_wrong_is_not_followed_for_ever() -> None:
+    made = across()
+    made.skill.script = {2: "land quietly floor"}
+    made.estimator = ScriptedEstimator(made.world, {look: {at("a", "r"): 0.2} for look in range(3, 99)})
+    ended = made.play()
+    assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("at(a,q)",))
+    assert 1 <= sum("it is tried as if" in each.reason for each in made.recorder.of(Decision)) <= 2
+    reports = [each for each in made.recorder.of(SkillResult) if each.step == pick("a", "r")]
+    assert {each.status for each in reports} == {SkillStatus.NOT_THERE}
+
+
+def test_what_is_seen_not_to_be_anywhere_is_no_reason_to_try() -> None:
+    made = across()
+    made.skill.script = {2: "land quietly floor"}
+    made.estimator = ScriptedEstimator(made.world)
+    ended = made.play()
+    assert ended.outcome is OutcomeKind.PARTIAL
+    assert not any("it is tried as if" in each.reason for each in made.recorder.of(Decision))
 
 
 def test_nothing_is_done_again_for_what_the_looks_do_not_speak_of() -> None:

@@ -78,7 +78,7 @@ def test_a_monitor_of_ones_own_is_not_kept(tmp_path: Path) -> None:
         def __init__(self) -> None:
             inner = PlainMonitor(ATOMS)
             self.begin, self.acted, self.looked = inner.begin, inner.acted, inner.looked
-            self.otherwise = inner.otherwise
+            self.otherwise, self.supposing = inner.otherwise, inner.supposing
 
     assert monitors.save(tmp_path, Own()) is None
     assert monitors.described(Own()) == "Own"
