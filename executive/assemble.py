@@ -90,7 +90,7 @@ class Run:
             self._past.check(self.domain.task)
         injected = parse_faults(self.domain, config.faults)
         planner = FastDownwardPlanner(self.domain.parsed)
-        planner.warm_up()  # unified-planning takes seconds to import; meanwhile all else is made
+        planner.warm_up()  # meanwhile all else is made
         eye = None
         if config.estimator == "vlm":
             eye = settled(config.eye or EyeConfig(), self.domain.subject)

@@ -1,10 +1,11 @@
-"""Fast Downward, through unified-planning. The only importer of unified_planning, which takes seconds: it is imported
-on the first use, or beforehand in the background (`warm_up`).
+"""Fast Downward: a task is grounded once, and every call is answered by its search alone (`executive.grounded`).
 
-Fast Downward is GPL-3 and is asked for by its engine name alone; it runs in processes of its own. Three things about
-the engine shape this file. It writes its intermediate file into the current directory, so that two planners in one
-directory would read each other's task: each call gets a directory of its own. After a timeout its processes may live
-on (unified-planning #681): they are killed here, the whole group. And it has called solvable tasks
+Only tasks with more grounded actions than are worth writing down go through unified-planning, which has Fast Downward's
+translator read them each time. This is the only importer of unified_planning, which takes seconds: it is imported when
+such a task is at hand. Fast Downward is GPL-3 and is asked for by its engine name alone; it runs in processes of its
+own. Three things about the engine shape this file. It writes its intermediate file into the current directory, so that
+two planners in one directory would read each other's task: each call gets a directory of its own. After a timeout its
+processes may live on (unified-planning #681): they are killed here, the whole group. And it has called solvable tasks
 UNSOLVABLE_INCOMPLETELY (up-fast-downward #29, #37): only what it calls proven counts as unsolvable.
 """
 
@@ -19,12 +20,14 @@ import tempfile
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeAlias
 
 from executive.errors import MissingError
+from executive.grounded import OUT_OF_TIME, SOLVED, UNSOLVABLE, Grounded, find_engine, size
 from executive.ordering import by_goals, holds, replay
 from executive.pddl import Action, Equality, Literal, Schema
 from executive.types import Atom, Facts, NoPlan, NoPlanReason, Plan, Step
@@ -40,18 +43,32 @@ class _Search:
 
     name: str
     params: Mapping[str, str]
+    options: tuple[str, ...]
     share: float
 
 
+_FIRST = """let(landmarks, landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=false),
+let(relaxed, ff(), lazy_greedy([relaxed, landmarks], preferred=[relaxed, landmarks], reopen_closed=false)))"""
+
 _SEARCHES = (
-    _Search("astar(lmcut())", {"fast_downward_search_config": "astar(lmcut())"}, 0.5),
-    _Search("lama-first", {"fast_downward_alias": "lama-first"}, 1.0),
+    _Search("astar(lmcut())", {"fast_downward_search_config": "astar(lmcut())"}, ("--search", "astar(lmcut())"), 0.5),
+    _Search("lama-first", {"fast_downward_alias": "lama-first"}, ("--search", _FIRST), 1.0),
 )
 """First the shortest plan; where that takes too long, any plan. Both searches are complete and deterministic."""
+
+MOST_GROUNDED = 20_000
+"""Grounded actions that a task may have to be written down."""
 
 _FENCE = 'cd "$1" && ulimit -t "$2" && shift 2 && exec "$@"'
 """Runs the engine in a directory of its own, and with a limit on CPU seconds that ends it even where this process was
 killed and can end nothing any more."""
+
+
+_Goal: TypeAlias = Sequence[tuple[Atom, bool]]
+_Asked: TypeAlias = "Callable[[_Search, float], tuple[Step, ...] | NoPlan]"
+"""A problem that can be searched in some way for some seconds."""
+
+_UNREACHABLE = "the goal cannot be reached from this state"
 
 
 class FastDownwardPlanner:
@@ -70,13 +87,14 @@ class FastDownwardPlanner:
         self._atoms = frozenset(schema.task.atoms)
         self._lock = threading.Lock()
         self._built: _Translation | None = None
+        self._grounded: tuple[Grounded, Path] | None = None
 
     def warm_up(self) -> None:
         """Do in the background what the first call of `plan` needs; that call waits for it."""
 
         def prepare() -> None:
             with contextlib.suppress(Exception):  # the same error is raised by `plan`, where somebody can see it
-                self._translation()
+                self._prepared()
 
         threading.Thread(target=prepare, name="planner-warm-up", daemon=True).start()
 
@@ -95,20 +113,19 @@ class FastDownwardPlanner:
             return Plan((), 0.0, ENGINE, time.perf_counter() - started)
         order = [atom for atom in self._schema.goals if atom in goal]
         order += [atom for atom in goal if atom not in self._schema.goals]
-        translation = self._translation()
-        problem = translation.problem(state.true, [(atom, goal[atom]) for atom in order])
+        search = self._prepared()(state.true, [(atom, goal[atom]) for atom in order])
         failure = NoPlan(NoPlanReason.TIMED_OUT)
-        for search in _SEARCHES:
+        for way in _SEARCHES:
             left = self._timeout - (time.perf_counter() - started)
             if left <= 0:
                 break
-            answer = self._search(translation, problem, search, left * search.share)
+            answer = search(way, left * way.share)
             if not isinstance(answer, NoPlan):
                 steps = by_goals(state, answer, goal, order)
                 end = replay(state.true, steps)
                 if end is not None and holds(end, goal):
                     seconds = time.perf_counter() - started
-                    return Plan(steps, float(len(steps)), f"{ENGINE} {search.name}", seconds)
+                    return Plan(steps, float(len(steps)), f"{ENGINE} {way.name}", seconds)
                 answer = NoPlan(NoPlanReason.CRASHED, "the engine's plan does not reach the goal")
             failure = answer
             if failure.reason is NoPlanReason.UNSOLVABLE:
@@ -118,28 +135,58 @@ class FastDownwardPlanner:
             detail = f"neither a plan nor a proof that there is none within {self._timeout:g} s"
         return NoPlan(failure.reason, detail, ENGINE, time.perf_counter() - started)
 
-    def _translation(self) -> _Translation:
+    def _prepared(self) -> Callable[[frozenset[Atom], _Goal], _Asked]:
+        """What makes a problem of a state and a goal, ready to be searched."""
         with self._lock:
+            if size(self._schema) <= MOST_GROUNDED:
+                if self._grounded is None:
+                    self._grounded = Grounded(self._schema), find_engine()
+                return self._written
             if self._built is None:
                 self._built = _Translation(self._schema)
-            return self._built
+            return self._translated
 
-    def _search(
-        self, translation: _Translation, problem: Any, search: _Search, seconds: float
-    ) -> tuple[Step, ...] | NoPlan:
-        """What the engine's answer means. Whatever goes wrong inside it is a crash, never an exception."""
-        try:
-            result, expired = _solve(translation.environment, problem, search, seconds)
-            status = result.status.name
-            if status.startswith("SOLVED"):
-                return tuple(self._schema.ground(*translation.names(instance)) for instance in result.plan.actions)
-        except Exception as error:
-            return NoPlan(NoPlanReason.CRASHED, f"{type(error).__name__}: {error}")
-        if expired or status == "TIMEOUT":
-            return NoPlan(NoPlanReason.TIMED_OUT)
-        if status == "UNSOLVABLE_PROVEN":
-            return NoPlan(NoPlanReason.UNSOLVABLE, "the goal cannot be reached from this state")
-        return NoPlan(NoPlanReason.CRASHED, f"the engine ended with {status}: {_last_words(result)}")
+    def _written(self, true: frozenset[Atom], goal: _Goal) -> _Asked:
+        assert self._grounded is not None
+        grounded, engine = self._grounded
+        task = grounded.task(true, goal)
+
+        def ask(way: _Search, seconds: float) -> tuple[Step, ...] | NoPlan:
+            try:
+                answer = grounded.search(engine, task, way.options, seconds)
+            except (OSError, ValueError) as error:
+                return NoPlan(NoPlanReason.CRASHED, f"{type(error).__name__}: {error}")
+            if answer.code == SOLVED:
+                return answer.steps
+            if answer.code == UNSOLVABLE:
+                return NoPlan(NoPlanReason.UNSOLVABLE, _UNREACHABLE)
+            if answer.expired or answer.code == OUT_OF_TIME:
+                return NoPlan(NoPlanReason.TIMED_OUT)
+            return NoPlan(NoPlanReason.CRASHED, f"the engine ended with exit code {answer.code}: {answer.said}")
+
+        return ask
+
+    def _translated(self, true: frozenset[Atom], goal: _Goal) -> _Asked:
+        assert self._built is not None
+        translation = self._built
+        problem = translation.problem(true, goal)
+
+        def ask(way: _Search, seconds: float) -> tuple[Step, ...] | NoPlan:
+            """What the engine's answer means. Whatever goes wrong inside it is a crash, never an exception."""
+            try:
+                result, expired = _solve(translation.environment, problem, way, seconds)
+                status = result.status.name
+                if status.startswith("SOLVED"):
+                    return tuple(self._schema.ground(*translation.names(instance)) for instance in result.plan.actions)
+            except Exception as error:
+                return NoPlan(NoPlanReason.CRASHED, f"{type(error).__name__}: {error}")
+            if expired or status == "TIMEOUT":
+                return NoPlan(NoPlanReason.TIMED_OUT)
+            if status == "UNSOLVABLE_PROVEN":
+                return NoPlan(NoPlanReason.UNSOLVABLE, _UNREACHABLE)
+            return NoPlan(NoPlanReason.CRASHED, f"the engine ended with {status}: {_last_words(result)}")
+
+        return ask
 
 
 class _Translation:

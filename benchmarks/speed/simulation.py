@@ -74,7 +74,7 @@ def _act(environment: Any, rng: np.random.Generator) -> float:
     steps = round(environment.control_freq)
     for _ in range(steps):
         environment.step(action)
-    return steps / float(environment.control_freq)
+    return float(steps / environment.control_freq)
 
 
 def _robosuite() -> Any:

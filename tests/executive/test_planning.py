@@ -91,6 +91,29 @@ def test_a_plan_leads_from_the_state_to_the_goal(planners: Planners, schemas: Sc
     assert all(step == schemas[name].ground(step.action, step.args) for step in answer.steps)
 
 
+@given(name=st.sampled_from(["sort-all", "tray", "dishes"]), seed=st.integers(0, 10**6))
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_what_is_written_down_is_the_task_that_unified_planning_makes_of_it(
+    planners: Planners, schemas: Schemas, name: str, seed: int
+) -> None:
+    """Solvable where that is, in as few steps; goals that something be false included."""
+    choose, task = random.Random(seed), schemas[name].task
+    state = Facts({atom: choose.random() < 0.3 for atom in task.atoms})
+    goal = task.goal.only(choose.sample(sorted(task.goal), choose.randint(1, len(task.goal))))
+    untrue = choose.sample(sorted(state.true), min(1, len(state.true)))
+    goal = Facts({**goal, **dict.fromkeys((atom for atom in untrue if atom not in goal), False)})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("executive.planning.MOST_GROUNDED", -1)
+        judge = FastDownwardPlanner(schemas[name]).plan(state, goal)
+    answer = planners[name].plan(state, goal)
+    if isinstance(judge, NoPlan):
+        assert isinstance(answer, NoPlan)
+        assert judge.reason is answer.reason is NoPlanReason.UNSOLVABLE
+    else:
+        assert isinstance(answer, Plan)
+        assert answer.cost == judge.cost
+
+
 def test_what_is_held_is_put_down_first(planners: Planners, schemas: Schemas) -> None:
     held = EXAMPLE_1.without(Facts.parse("robot-gripper-empty", "on-table(cereal-box,wood-table)")) | Facts.parse(
         "robot-gripping(cereal-box)"
@@ -100,7 +123,7 @@ def test_what_is_held_is_put_down_first(planners: Planners, schemas: Schemas) ->
 
 
 def test_a_goal_that_holds_needs_no_steps_and_no_engine(schemas: Schemas, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.planning._solve", None)
+    monkeypatch.setattr("executive.planning.Grounded", None)
     planner = FastDownwardPlanner(schemas["breakfast"])
     answer = planner.plan(EXAMPLE_1, Facts.parse("on-table(lemon,white-table)", "not robot-gripping(lemon)"))
     assert steps(answer) == []
@@ -133,8 +156,15 @@ def test_it_is_a_planner(planners: Planners, schemas: Schemas) -> None:
         FastDownwardPlanner(schemas["tray"], timeout=0)
 
 
-def test_a_missing_engine_is_named_with_its_command(schemas: Schemas, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.planning.ENGINE", "no-such-engine")
+@pytest.mark.parametrize("grounded", [True, False])
+def test_a_missing_engine_is_named_with_its_command(
+    schemas: Schemas, monkeypatch: pytest.MonkeyPatch, grounded: bool
+) -> None:
+    if grounded:
+        monkeypatch.setattr("executive.grounded.PACKAGE", "no_such_package")
+    else:
+        monkeypatch.setattr("executive.planning.MOST_GROUNDED", -1)
+        monkeypatch.setattr("executive.planning.ENGINE", "no-such-engine")
     planner = FastDownwardPlanner(schemas["tray"])
     planner.warm_up()  # says nothing; the call that needs it does
     with pytest.raises(MissingError, match="pip install up-fast-downward"):
@@ -233,9 +263,12 @@ def test_a_search_that_takes_too_long_times_out_and_leaves_no_process(
     assert not list(tmp_path.iterdir())  # Fast Downward's intermediate file did not land in the current directory
 
 
-@pytest.mark.parametrize("victim", [SEARCH, DRIVER])
-def test_killed_processes_are_a_crash_and_take_the_others_with_them(fifteen: Schema, mark: str, victim: str) -> None:
+@pytest.mark.parametrize(("most", "victim"), [(20_000, SEARCH), (-1, SEARCH), (-1, DRIVER)])
+def test_killed_processes_are_a_crash_and_take_the_others_with_them(
+    fifteen: Schema, mark: str, monkeypatch: pytest.MonkeyPatch, most: int, victim: str
+) -> None:
     """Whichever of the engine's processes dies, in both of the searches."""
+    monkeypatch.setattr("executive.planning.MOST_GROUNDED", most)
     killed: list[int] = []
 
     def kill() -> None:
@@ -257,14 +290,22 @@ def test_killed_processes_are_a_crash_and_take_the_others_with_them(fifteen: Sch
     assert gone(mark)
 
 
-def test_an_engine_that_does_not_start_is_a_crash(schemas: Schemas, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("grounded", [True, False])
+def test_an_engine_that_does_not_start_is_a_crash(
+    schemas: Schemas, monkeypatch: pytest.MonkeyPatch, grounded: bool
+) -> None:
+    if grounded:
+        monkeypatch.setattr("executive.planning.find_engine", lambda: Path("/no/such/engine"))
+    else:
+        monkeypatch.setattr("executive.planning.MOST_GROUNDED", -1)
     planner = FastDownwardPlanner(schemas["breakfast"])
     planner.warm_up()
-    monkeypatch.setattr(sys, "executable", "/no/such/python")
+    if not grounded:
+        monkeypatch.setattr(sys, "executable", "/no/such/python")
     answer = planner.plan(EXAMPLE_1, schemas["breakfast"].task.goal)
     assert isinstance(answer, NoPlan)
     assert answer.reason is NoPlanReason.CRASHED
-    assert "/no/such/python" in answer.detail
+    assert "/no/such" in answer.detail
 
 
 def test_an_interrupt_ends_the_engine(fifteen: Schema, mark: str) -> None:
