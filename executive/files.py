@@ -29,6 +29,9 @@ from executive.errors import InputError
 LARGEST, LARGEST_TOML = 10_000_000, 1_000_000
 """Bytes, unless a reader says otherwise. Reading TOML takes seconds for each million of them."""
 
+LARGEST_ARRAYS = 1_000_000_000
+"""Bytes of all arrays in a file, which may be a thousand times smaller."""
+
 DEEPEST = 100
 """How many lists and tables may be nested in each other."""
 
@@ -146,6 +149,8 @@ def parse_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
     """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as kept:
+            if sum(part.file_size for part in kept.zip.infolist()) > LARGEST_ARRAYS:
+                raise ValueError(f"more than {LARGEST_ARRAYS:,} bytes in its arrays")
             arrays = {name: kept[name] for name in kept.files}
     except (
         *(OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, MemoryError, SyntaxError),

@@ -8,7 +8,7 @@ import io
 import json
 import struct
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from executive.s3e.pictures import read_picture
 from executive.s3e.questions import Templates
 from executive.s3e.translators import LanguageModel, Reply
 from executive.sim.world import MujocoWorld
+from executive.trace import pictures as recorded
 from executive.types import Atom
 
 ROW = Row("grocery", "breakfast", "drop 0.3", "oracle", "full", 3, "goal-reached", "executive run grocery", actions=4)
@@ -187,12 +188,16 @@ def feed_picture(data: bytes, scratch: Path) -> None:
         raise AssertionError(f"{picture.shape} {picture.dtype} is no picture")
 
 
-def pictures() -> list[bytes]:
+def feed_recorded_picture(data: bytes, scratch: Path) -> None:
+    recorded.read_picture(written(scratch, "0000-front.jpg", data))
+
+
+def pictures(kinds: Sequence[str] = ("PNG", "JPEG", "GIF", "WEBP", "BMP", "TIFF", "PPM")) -> list[bytes]:
     from PIL import Image
 
     shades = np.arange(8 * 6 * 3, dtype=np.uint8).reshape(6, 8, 3)
     files = []
-    for kind in ("PNG", "JPEG", "GIF", "WEBP", "BMP", "TIFF", "PPM"):
+    for kind in kinds:
         buffer = io.BytesIO()
         Image.fromarray(shades).save(buffer, kind)
         files.append(buffer.getvalue())

@@ -238,6 +238,9 @@ TARGETS: Mapping[str, Target] = {
     ),
     "replies.json": Target(kept.feed_replies, kept.replies, ("replies", "null", "Is the lemon on the wooden table?")),
     "picture": Target(kept.feed_picture, kept.pictures),
+    "recorded picture": Target(
+        kept.feed_recorded_picture, lambda: kept.pictures(["JPEG"]), ("%!PS-Adobe-3.0 EPSF-3.0",)
+    ),
     "disturbance": Target(
         feed_disturbance, lambda: [b"lights cameras jpeg=40 blurred=3 noisy=40 dark=0.7"], ("=", "jpeg=", "dark=")
     ),

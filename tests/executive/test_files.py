@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from executive import files
 from executive.errors import DomainError, InputError
 from executive.files import (
     DEEPEST,
@@ -173,6 +174,16 @@ def test_arrays_are_what_was_written() -> None:
     read = parse_arrays(saved(a=np.arange(3), b=1.5))
     assert read.keys() == {"a", "b"}
     assert (read["a"].tolist(), read["b"].item()) == ([0, 1, 2], 1.5)
+
+
+def test_a_small_file_of_large_arrays_is_not_unpacked(monkeypatch: pytest.MonkeyPatch) -> None:
+    small = saved(a=np.zeros(100_000), b=np.zeros(10))
+    assert len(small) < 2_000
+    monkeypatch.setattr(files, "LARGEST_ARRAYS", 800_000)
+    with pytest.raises(ValueError, match="more than 800,000 bytes in its arrays"):
+        parse_arrays(small)
+    monkeypatch.setattr(files, "LARGEST_ARRAYS", 810_000)
+    assert parse_arrays(small).keys() == {"a", "b"}
 
 
 @given(st.data())
