@@ -42,7 +42,8 @@ def test_whatever_else_is_there_is_read_or_one_line(tmp_path: Path, at: int, wro
     except InputError as error:
         line = str(error)
     else:
-        assert (picture.ndim, picture.dtype) == (3, np.uint8)
+        assert picture.ndim == 3
+        assert picture.dtype == np.uint8
         line = f"{file}: not a readable picture ()"
     assert line.startswith(f"{file}: not a readable picture (")
 
