@@ -18,7 +18,7 @@ import json
 import os
 from pathlib import Path
 
-from benchmarks.speed.table import Row, machine, printed
+from benchmarks.speed.table import Row, machine, plot, printed
 
 ROWS = ("collision", "motion", "trajectory", "simulation", "replan", "start", "growth")
 """Each a module here with a function `measure`."""
@@ -41,6 +41,8 @@ def main() -> None:
         arguments.out.mkdir(parents=True, exist_ok=True)
         (arguments.out / f"{where['date']}.txt").write_text(text + "\n")
         (arguments.out / f"{where['date']}.json").write_text(data + "\n")
+        if any(row.series for row in rows):
+            plot(rows, arguments.out / f"{where['date']}.png")
     print(data if arguments.json else text)
 
 

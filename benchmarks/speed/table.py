@@ -26,6 +26,8 @@ class Row:
     beside: str
     """What it is held against."""
     note: str = ""
+    series: tuple[tuple[float, float], ...] = ()
+    """What is plotted of it: size and seconds."""
 
     @property
     def ratio(self) -> float | None:
@@ -65,6 +67,24 @@ def machine() -> dict[str, str]:
         "python": platform.python_version(),
         **{name: version(name) for name in ("numpy", "mujoco", "numba", "ompl", "toppra", "robosuite")},
     }
+
+
+def plot(rows: list[Row], file: Path) -> None:
+    """Draw how the rows that have a series grow, on logarithmic axes."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(5, 3.5), layout="constrained")
+    for row in (row for row in rows if row.series):
+        sizes, seconds = zip(*row.series, strict=True)
+        axes.loglog(sizes, seconds, "o-", label=row.stage.split(",")[0])
+        axes.loglog(sizes, [seconds[0] * size / sizes[0] for size in sizes], ":", color="grey")
+    axes.set(xlabel="atoms asked about", ylabel="s", title="dotted: linear")
+    axes.legend()
+    figure.savefig(file, dpi=120)
+    pyplot.close(figure)
 
 
 def printed(rows: list[Row], where: dict[str, str]) -> str:
