@@ -30,7 +30,7 @@ from executive.types import (
     Task,
 )
 
-HUNCH = 0.05
+HUNCH = 0.02
 """What is less probable than this is nothing to act upon."""
 
 

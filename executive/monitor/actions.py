@@ -8,6 +8,7 @@ case hangs on the skill and on what it reports. And at any time, with a small ch
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -72,13 +73,29 @@ class ActionModel:
         return Chances(*((count + PRIOR * share) / total for count, share in pairs))
 
 
-def felt(carried: Mapping[str, tuple[str, tuple[int, ...]]], step: Step, result: SkillResult | None) -> Facts:
-    """What the hand feels, as atoms. That it is around something says which thing only where the skill got what it
-    went for."""
+FELT = math.log(499.0)
+"""What it is worth that fingers feel something between them, or nothing: taken to be wrong once in five hundred times.
+In the 2,000 collected actions that `domains/grocery/outcomes.toml` counts it never was."""
+
+MISSING = math.log(19.0)
+"""What it is worth that a skill does not find what it went for. Two looks that see it there are worth more."""
+
+
+def felt(
+    carried: Mapping[str, tuple[str, tuple[int, ...]]], step: Step, result: SkillResult | None
+) -> Mapping[Atom, float]:
+    """What a skill came upon, as evidence (log-odds): what the hand feels, and what was not there. That the hand is
+    around something says which thing only where the skill got what it went for."""
+    if result is None:
+        return MappingProxyType({})
+    found: dict[Atom, float] = {}
+    if result.status is SkillStatus.NOT_THERE:
+        needed = [atom for atom, value in step.preconditions.items() if value and set(atom.args) & set(step.args)]
+        found = dict.fromkeys(needed, -MISSING) if len(needed) == 1 else {}
     atom = step.about(carried)
-    if result is None or result.holding is None or atom is None or (result.holding and not result.done):
-        return Facts()
-    return Facts({atom: result.holding})
+    if atom is not None and result.holding is not None and (result.done or not result.holding):
+        found[atom] = FELT if result.holding else -FELT
+    return MappingProxyType(found)
 
 
 def outcome(step: Step, before: Facts, after: Facts) -> Chances:

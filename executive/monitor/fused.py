@@ -30,10 +30,6 @@ BAND = Thresholds(0.15, 0.85)
 NOWHERE = 0.05
 """The chance, before anything was seen, that a given group's atoms are all false although one of them could be true."""
 
-FELT = math.log(499.0)
-"""What it is worth that fingers feel something between them, or nothing: taken to be wrong once in five hundred times.
-In the 2,000 collected actions that `domains/grocery/outcomes.toml` counts it never was."""
-
 _CERTAIN = 1e3
 """Log-odds that no evidence comes near."""
 
@@ -55,7 +51,7 @@ class Track:
     """What is believed of this moment but for its looks, their evidence atom by atom, what each atom's probability is
     with it (None before the first look), and the last known values before these looks and with them. `earlier` is what
     looks at other moments told of atoms that no action has touched since; `felt` is
-    what the hand felt at that action's end. The first
+    what its skill came upon, as evidence. The first
     hypothesis is that the last action's effects came about, if there are more than one."""
 
     hypotheses: tuple[Hypothesis, ...]
@@ -64,7 +60,7 @@ class Track:
     before: Last = field(default_factory=Last)
     now: Last = field(default_factory=Last)
     earlier: Mapping[Atom, Earlier] = field(default_factory=lambda: MappingProxyType({}))
-    felt: Facts = field(default_factory=Facts)
+    felt: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
 class _Posterior(NamedTuple):
@@ -133,7 +129,7 @@ class FusedMonitor:
             before=memory.now,
             now=memory.now,
             earlier=MappingProxyType(self._earlier(memory, marginal, still, open_)),
-            felt=Facts() if step is None else felt(self.carried, step, result),
+            felt=MappingProxyType({}) if step is None else felt(self.carried, step, result),
         )
 
     def looked(self, memory: Track, raw: Belief, cycle: int) -> tuple[Track, Judgement]:
@@ -212,7 +208,7 @@ class FusedMonitor:
             atom: self._anew(atom, self.eye.together(values), memory) for atom, values in memory.evidence.items()
         }
         for atom, value in memory.felt.items():
-            evidence[atom] = evidence.get(atom, 0.0) + (FELT if value else -FELT)
+            evidence[atom] = evidence.get(atom, 0.0) + value
         evidence = {**evidence, **supposed}
         answers, logs = [], []
         for chance, weights, log_total in memory.hypotheses:

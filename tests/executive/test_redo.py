@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from executive.monitor import Eye, Reading
-from executive.monitor.actions import felt
+from executive.monitor.actions import FELT, MISSING, felt
 from executive.types import (
     Atom,
     Belief,
@@ -112,7 +112,7 @@ def test_nothing_is_done_again_for_what_the_looks_do_not_speak_of() -> None:
 def test_the_hand_is_asked_before_an_eye_that_takes_the_thing_for_held() -> None:
     """The eye sees it held, the fingers feel nothing, and the place that was meant to follow finds nothing to place."""
     step = put("a", "q")
-    empty = SkillResult(step, SkillStatus.NOT_THERE, holding=False)
+    empty = SkillResult(step, SkillStatus.NO_PATH, holding=False)
     beliefs = {}
     for carried in ({}, CARRIED):
         monitor = Stage(GOAL, {"a": "p", "b": "p"}).weighing(eye=SHARP, carried=carried).monitor
@@ -123,13 +123,21 @@ def test_the_hand_is_asked_before_an_eye_that_takes_the_thing_for_held() -> None
         wrong = {**lifted, held("a"): 0.9, FREE: 0.6, at("a", "p"): 0.4}
         _, judgement = monitor.looked(memory, Belief(1, wrong), 1)
         beliefs[bool(carried)] = judgement.probability[held("a")]
-    assert beliefs[True] < 0.1 < 0.5 < beliefs[False]
+    assert beliefs[True] < 0.5 < 0.9 < beliefs[False]
 
 
 def test_a_full_hand_holds_the_thing_only_where_the_skill_got_it() -> None:
     step = pick("a", "p")
-    assert felt(CARRIED, step, SkillResult(step, SkillStatus.DONE, holding=True)) == Facts({held("a"): True})
-    assert felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, holding=False)) == Facts({held("a"): False})
-    assert felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, "full", holding=True)) == Facts()
-    assert felt(CARRIED, step, SkillResult(step, SkillStatus.DONE)) == Facts()
-    assert felt({}, step, SkillResult(step, SkillStatus.DONE, holding=True)) == Facts()
+    assert felt(CARRIED, step, SkillResult(step, SkillStatus.DONE, holding=True)) == {held("a"): FELT}
+    assert felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, holding=False)) == {held("a"): -FELT}
+    assert not felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, "full", holding=True))
+    assert not felt(CARRIED, step, SkillResult(step, SkillStatus.DONE))
+    assert not felt({}, step, SkillResult(step, SkillStatus.DONE, holding=True))
+
+
+def test_what_a_skill_does_not_find_where_it_should_be_is_not_there() -> None:
+    step = pick("a", "p")
+    missing = SkillResult(step, SkillStatus.NOT_THERE, holding=False)
+    assert felt(CARRIED, step, missing) == {at("a", "p"): -MISSING, held("a"): -FELT}
+    assert felt({}, step, missing) == {at("a", "p"): -MISSING}
+    assert felt(CARRIED, put("a", "q"), SkillResult(put("a", "q"), SkillStatus.NOT_THERE)) == {held("a"): -MISSING}
