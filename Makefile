@@ -1,7 +1,7 @@
 # The two commands: `make run` and `make test`. Each sets up everything first; `make help` lists the rest.
 PY := .venv/bin/python
 SOURCES := executive skills tests benchmarks examples
-BENCHMARKS := $(notdir $(basename $(wildcard benchmarks/[a-z]*.py)))
+BENCHMARKS := $(notdir $(basename $(wildcard benchmarks/[a-z]*.py))) $(patsubst benchmarks/%/__main__.py,%,$(wildcard benchmarks/*/__main__.py))
 
 .PHONY: help setup run test test-slow bench example pictures lint format-check types arrows unit format clean
 

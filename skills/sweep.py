@@ -123,6 +123,19 @@ def all_clear(
     return result
 
 
+def ready() -> None:
+    """Have everything here compiled and kept, so that no run waits for it: seconds once, after an installation."""
+    points, spans, bounds = np.zeros((3, 8)), np.array([[0, 0, 4], [0, 4, 4]]), np.zeros((2, 10))
+    reach, groups, pairs = np.zeros((2, 1)), np.zeros((0, 5), dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
+    chain, quiet, q = np.zeros((1, 18)), np.zeros((0, 1), dtype=np.bool_), np.zeros((1, 1))
+    clear(points, spans, bounds, reach, groups, pairs, chain, quiet, 0.0, q[0], q[0], 1)
+    all_clear(points, spans, bounds, reach, groups, pairs, chain, quiet, 0.0, q)
+    points[0, 4:], room = 1.0, np.zeros((14, 3))
+    room[:3], room[4, 0] = np.eye(3), 1.0
+    separation(points, spans, 0, 1, 0.0, np.inf, 1.0, room)
+    arrange(chain, q[0], q[0], 0, 0, np.zeros((1, 2, 12)))
+
+
 @numba.njit(cache=True, error_model="numpy")
 def _stay_clear(
     points: FloatArray,

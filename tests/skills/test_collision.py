@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from itertools import pairwise, product
 
 import mujoco
@@ -16,7 +18,7 @@ from executive.sim.world import MujocoWorld
 from executive.types import FloatArray
 from skills import collision, hulls
 from skills.collision import CollisionModel, Held
-from tests.executive.sim.stage import grocery
+from tests.executive.sim.stage import ROOT, grocery
 
 
 @pytest.fixture(scope="module")
@@ -116,6 +118,23 @@ def in_world(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> FloatArra
     """The corners of a geom's hull, (N, 3)."""
     corners: FloatArray = hulls.hull(model, geom, 5e-4) @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
     return corners
+
+
+def test_nothing_is_left_to_compile_after_an_installation() -> None:
+    program = """
+from skills import sweep
+from skills.collision import CollisionModel
+from tests.executive.sim.stage import grocery
+sweep.ready()
+kernels = (sweep.clear, sweep.all_clear, sweep.separation, sweep.arrange)
+before = [kernel.signatures for kernel in kernels]
+world = grocery(seed=3)
+model, home = CollisionModel(world.handle), world.handle.limits.home
+model.update(world.obstacles(), world.gripper_joints())
+model.free(home), model.edge_free(home, world.joints()), model.all_free(home[None])
+assert [kernel.signatures for kernel in kernels] == before, "compiled once more, for other types"
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=ROOT)
 
 
 points = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed))
