@@ -286,20 +286,32 @@ def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) 
     return attempt.result(SkillStatus.DONE)
 
 
+def withdraw(attempt: Attempt, held: Held | None) -> None:
+    """Move straight up until nothing touches any more, where the arm or what it holds touches something; not at all
+    where there is no such way.
+
+    Raises:
+        SkillError: whatever ends the motion.
+    """
+    start = attempt.body.joints()
+    attempt.look_around(held)
+    if attempt.arm.collision.free(start):
+        return
+    here = attempt.arm.kinematics.forward(start)
+    up = attempt.arm.kinematics.line(start, [poses.translated(here, np.array([0, 0, rise])) for rise in _WITHDRAW])
+    clear = [index for index, q in enumerate(up or []) if attempt.arm.collision.free(q)]
+    if up is not None and clear:
+        attempt.move("retreat", np.array([start, *up[: clear[0] + 1]]), speed=0.4)
+
+
 def go_home(attempt: Attempt) -> None:
     """Move to the home pose, with what the hand holds; straight up first where the arm touches something.
 
     Raises:
         SkillError: NO_PATH when none is found, or whatever ends the motion.
     """
-    held, start = attempt.held(), attempt.body.joints()
-    attempt.look_around(held)
-    if not attempt.arm.collision.free(start):
-        here = attempt.arm.kinematics.forward(start)
-        up = attempt.arm.kinematics.line(start, [poses.translated(here, np.array([0, 0, rise])) for rise in _WITHDRAW])
-        clear = [index for index, q in enumerate(up or []) if attempt.arm.collision.free(q)]
-        if up is not None and clear:
-            attempt.move("retreat", np.array([start, *up[: clear[0] + 1]]), speed=0.4)
+    held = attempt.held()
+    withdraw(attempt, held)
     path = attempt.plan([attempt.handle.limits.home], held)
     if path is None:
         raise SkillError(SkillStatus.NO_PATH, "no collision-free motion to the home pose")

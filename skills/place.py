@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from executive.protocols import SkillContext
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 from skills import grasps, poses
-from skills.arm import CARRYING, Attempt, SkillError, go_home, perform
+from skills.arm import CARRYING, Attempt, SkillError, go_home, perform, withdraw
 from skills.collision import Held
 
 _LOWER = np.linspace(0.10, 0.0, 8)
@@ -46,6 +46,7 @@ def _place(attempt: Attempt) -> None:
     held = attempt.held()
     if held is None or held.item != item:
         raise SkillError(SkillStatus.NOT_THERE, f"the gripper does not hold {item}")
+    withdraw(attempt, held)  # where it was gripped and not yet lifted
     attempt.phase("plan", f"a spot on {table}")
     descents = _descents(attempt, held, table)
     if not descents:
