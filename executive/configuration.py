@@ -100,8 +100,6 @@ class RunConfig:
         limits = {name: value for name in names if (value := getattr(self, name)) is not None}
         if not self.guard:
             limits["guard_looks"] = 0
-        if self.monitor.threshold is not None:  # who takes the eye at its word does so at the end, too
-            limits["claim"] = 0.0
         return Settings(seed=self.seed, **limits)
 
 

@@ -57,5 +57,6 @@ class PlainMonitor:
             probability=MappingProxyType(probability),
             state=Facts.closed(now.facts.true, self.atoms),
             remembered=now.remembered(seen, cycle, probability),
+            at_word=True,
         )
         return Taken(memory.before, now, MappingProxyType(answers)), judgement

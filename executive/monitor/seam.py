@@ -56,6 +56,7 @@ class Judgement:
         remembered: atoms that these looks do not tell and earlier ones did.
         came_about: the probability that the last action had all of its effects; None where there was no action, or no
             memory.
+        at_word: every answer is taken at its word, as the paper does it; none of them can be too unsure to act upon.
     """
 
     belief: Belief
@@ -66,6 +67,7 @@ class Judgement:
     overruled: tuple[Overruled, ...] = ()
     remembered: Mapping[Atom, Remembered] = field(default_factory=lambda: MappingProxyType({}))
     came_about: float | None = None
+    at_word: bool = False
 
     def truth(self, atom: Atom) -> bool | None:
         """True, False, or None for what the looks cannot tell."""

@@ -70,7 +70,7 @@ def test_the_shipped_domain_is_found_by_name_from_anywhere(tmp_path: Path, monke
     assert domain.subject.task is domain.task
     assert domain.subject.pddl == domain.files[1]
     assert domain.looking.moves == ("home", "aside")
-    assert domain.looking.closer["wood-table"] == ("wood",)
+    assert domain.looking.closer["robot-gripping"] == ("hand",)
     assert domain.looking.carried == {"pick": ("robot-gripping", (0,)), "place": ("robot-gripping", (0,))}
     assert load("grocery", "one-item").looking == domain.looking, "a problem may do without some of the objects"
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.attention import FROZEN, PLAIN, Attention
-from executive.monitor import Thresholds
+from executive.monitor import Eye, Reading, Thresholds
 from executive.policy import Settings
 from executive.protocols import Skill, SkillContext
 from executive.types import (
@@ -306,9 +306,10 @@ def test_a_surprise_in_a_look_at_some_atoms_has_the_rest_looked_at_before_it_is_
 
 def test_what_is_never_sure_enough_is_not_claimed() -> None:
     """Every answer is for the goal, and none by enough to bet on it."""
-    leaning = stage(always={at("a", "q"): 0.8})
+    always = {at("a", "q"): 0.8, at("a", "r"): 0.3}
+    leaning = stage(always=always).weighing(eye=Eye(other=Reading(1e-3, 1e-3), alike=0.8, lasting=0.8))
     ended = leaning.play()
     assert (ended.outcome, ended.goal_seen) == (OutcomeKind.PARTIAL, False)
     assert "cannot tell at(a,q)" in ended.reason
-    bold = stage(always={at("a", "q"): 0.8}, settings=Settings(claim=0.5)).play()
-    assert (bold.outcome, bold.goal_seen) == (OutcomeKind.GOAL_REACHED, True)
+    at_its_word = stage(always=always).play()
+    assert (at_its_word.outcome, at_its_word.goal_seen) == (OutcomeKind.GOAL_REACHED, True)

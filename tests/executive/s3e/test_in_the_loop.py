@@ -24,12 +24,12 @@ GOAL = Facts({at("cup", "q"): True})
 
 
 class PicturedWorld(FakeWorld):
-    """A picture of this world is the number of the observation, beside something bright."""
+    """A picture of this world is the number of the observation, beside something bright and something that changes."""
 
     def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
         seen = super().observe(cause, cameras)
         image = np.full((2, 2, 3), 255, dtype=np.uint8)
-        image[0, 0] = seen.id
+        image[0, 0], image[1] = seen.id, 97 * seen.id % 256  # no two are alike
         return replace(seen, images={"front": image})
 
 
