@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 from executive.errors import InputError
 from executive.policy import Settings
+from executive.trace.codec import decode
 from executive.types import (
     Belief,
     Decision,
@@ -135,8 +136,8 @@ class Record:
 
 
 def _settings(started: Started) -> Settings:
-    known = {each.name for each in fields(Settings)}
     try:
-        return Settings(**{name: value for name, value in started.settings.items() if name in known})
-    except (TypeError, ValueError) as error:
+        settings: Settings = decode(Settings, dict(started.settings))
+    except ValueError as error:
         raise InputError(f"these are no settings of a run: {error}") from None
+    return settings

@@ -189,8 +189,14 @@ def test_settings_of_another_release_are_passed_over_and_nonsense_is_named() -> 
     assert isinstance(started, Started)
     odd = replace(started, settings={**started.settings, "of-tomorrow": 3})
     assert record_of([replace(events[0], payload=odd), *events[1:]]).settings == stage.settings
-    wrong = replace(started, settings={**started.settings, "max_retries": -1})
-    with pytest.raises(InputError, match="these are no settings of a run: max_retries must be at least 0, got -1"):
-        record_of([replace(events[0], payload=wrong)])
+    for name, value, told in (
+        ("max_retries", -1, "max_retries must be at least 0, got -1"),
+        ("seed", 0.1, "seed: expected a whole number, got '0.1'"),
+        ("sure", "very", "sure: expected a number, got 'very'"),
+        ("max_looks", 10**30, "max_looks: a number of more than 64 bits"),
+    ):
+        wrong = replace(started, settings={**started.settings, name: value})
+        with pytest.raises(InputError, match=f"these are no settings of a run: {told}"):
+            record_of([replace(events[0], payload=wrong)])
     with pytest.raises(InputError, match="these events are no run"):
         record_of(events[1:])
