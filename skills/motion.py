@@ -1,15 +1,19 @@
-"""Collision-free motions by OMPL's AORRTC (Wilson et al., 2025): RRT-Connect for a first path, then again and again
-for a shorter one. The only importer of ompl.
+"""Collision-free motions by OMPL's RRT* (Karaman and Frazzoli, 2011), which is led along a first path that RRT-Connect
+finds. The only importer of ompl.
+
+Alone, RRT* takes seconds for a first path through a narrow place, and RRT-Connect's are far from short. RRT* takes its
+samples of the goal from whom it is told to: it is given the points of the first path, one after the other, and so has
+that path in its tree after as many iterations; from then on it samples only where a shorter one may lead.
 
 Limits are iterations, never seconds, so that a seed repeats a motion on any machine.
 """
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -26,7 +30,10 @@ _NEAR = 0.8
 """rad around the box of start and goals in which a detour is looked for first."""
 
 _REFINE = 100
-"""Iterations after the first solution."""
+"""Iterations after the first path."""
+
+_GOAL_BIAS = 0.05
+"""Share of the samples that are goals, where a goal is not in the tree yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,8 +89,40 @@ class _Edges(ob.MotionValidator):  # type: ignore[misc]
         return free
 
 
+class _Goals(ob.GoalSampleableRegion):  # type: ignore[misc]
+    """One of some configurations; while there are points of a path to lead along, these are told as samples instead."""
+
+    def __init__(
+        self, information: ob.SpaceInformation, goals: Sequence[FloatArray], lead: Sequence[FloatArray]
+    ) -> None:
+        super().__init__(information)
+        self.setThreshold(1e-6)
+        self._goals, self._lead, self._turn = np.stack(goals), iter(lead), 0
+        self._leads = True
+
+    def arrived(self) -> None:
+        """The lead has been told."""
+        self._leads = False
+
+    def maxSampleCount(self) -> int:  # noqa: N802
+        # RRT* takes no more samples than this, and the sampler of what may be shorter takes all of them at once.
+        return 2**31 if self._leads else len(self._goals)
+
+    def sampleGoal(self, state: MutableSequence[float]) -> None:  # noqa: N802
+        q = next(self._lead, None) if self._leads else None
+        if q is None:
+            q = self._goals[self._turn % len(self._goals)]
+            self._turn += 1
+        for joint, value in enumerate(q):
+            state[joint] = float(value)
+
+    def distanceGoal(self, state: Sequence[float]) -> float:  # noqa: N802
+        q = np.array([state[joint] for joint in range(self._goals.shape[1])])
+        return float(np.linalg.norm(self._goals - q, axis=1).min())
+
+
 class MotionPlanner:
-    """AORRTC over the arm's joints, whose bounds are in `limits`, through what is free in `space`; for `refine` more
+    """RRT* over the arm's joints, whose bounds are in `limits`, through what is free in `space`; for `refine` more
     iterations once there is a path."""
 
     def __init__(self, limits: ArmLimits, space: Space, refine: int = _REFINE) -> None:
@@ -110,8 +149,8 @@ class MotionPlanner:
     ) -> Path | None:
         """A path from `start` to the goal that is nearest by what is free; None when none is found in `iterations`.
 
-        The straight edge is tried first: AORRTC makes nothing of it (ompl #1420). The same arguments give the same
-        path, whether or not the tree is kept.
+        The straight edge is tried first; where it is free, there is nothing to search for. The same arguments give the
+        same path, whether or not the tree is kept.
         """
         began = time.perf_counter()
         ordered = sorted(goals, key=lambda goal: float(np.linalg.norm(goal - start)))
@@ -134,43 +173,70 @@ class MotionPlanner:
             (self._limits.lower, self._limits.upper),
         ):
             self._bound(lower, upper)
-            found = self._search(start, open_goals, seed, iterations // 2, keep_tree)
+            self._edges.kept = [] if keep_tree else None
+            found = self._search(start, open_goals, seed, iterations // 2)
+            kept, self._edges.kept = self._edges.kept, None
             if found is not None:
-                path, progress, tree = found
-                cost = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-                return Path(
-                    path, cost, "AORRTC", progress.count, time.perf_counter() - began, progress.first - began, tree
-                )
+                path, count, first = found
+                tree = None if kept is None else np.reshape(kept, (-1, 2, len(start)))
+                now = time.perf_counter()
+                return Path(path, _length(path), "RRT*", count, now - began, first - began, tree)
         return None
 
     def _search(
-        self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int, keep_tree: bool
-    ) -> tuple[FloatArray, _Progress, FloatArray | None] | None:
-        """AORRTC, then OMPL's shortcutting: the path, how it went, and the tree if it is wanted."""
+        self, start: FloatArray, goals: Sequence[FloatArray], seed: int, iterations: int
+    ) -> tuple[FloatArray, int, float] | None:
+        """The path (N, dof), after how many iterations, and when the first one was there."""
         ou.RNG.setSeed(seed % (2**31 - 2) + 1)
-        problem = ob.ProblemDefinition(self._information)
-        problem.addStartState(self._state(start))
         target = ob.GoalStates(self._information)
         for goal in goals:
             target.addState(self._state(goal))
-        problem.setGoal(target)
-        problem.setOptimizationObjective(ob.PathLengthOptimizationObjective(self._information))
-        planner = og.AORRTC(self._information)
-        planner.setProblemDefinition(problem)
-        planner.setup()
-        progress = _Progress(problem.hasExactSolution, iterations, self._refine)
-        self._edges.kept = [] if keep_tree else None
-        planner.solve(ob.PlannerTerminationCondition(progress))
-        tree = None if self._edges.kept is None else np.reshape(self._edges.kept, (-1, 2, len(start)))
-        self._edges.kept = None
+        problem = self._problem(start, target)
+        connect = og.RRTConnect(self._information)
+        connect.setProblemDefinition(problem)
+        connect.setup()
+        connected = _Iterations(iterations)
+        connect.solve(ob.PlannerTerminationCondition(connected))
         if not problem.hasExactSolution():
             return None
-        found = problem.getSolutionPath()
+        first = time.perf_counter()
+        lead = self._shortened(problem.getSolutionPath())
+        path = self._star(start, goals, lead, self._refine) if self._refine else None
+        best = lead if path is None or _length(lead) < _length(path) else path
+        return best, connected.count + self._refine, first
+
+    def _star(
+        self, start: FloatArray, goals: Sequence[FloatArray], lead: FloatArray, iterations: int
+    ) -> FloatArray | None:
+        """What RRT* makes of a free path (N, dof), within some iterations more than it takes to go along it."""
+        planner = og.RRTstar(self._information)
+        planner.setup()
+        points = _spaced(lead, 0.99 * planner.getRange())  # not its range itself: what is further is cut short
+        target = _Goals(self._information, goals, points)
+        problem = self._problem(start, target)
+        planner.setProblemDefinition(problem)
+        planner.setGoalBias(1.0)
+        planner.solve(ob.PlannerTerminationCondition(_Iterations(len(points))))
+        target.arrived()
+        planner.setGoalBias(_GOAL_BIAS)
+        planner.setInformedSampling(True)
+        planner.solve(ob.PlannerTerminationCondition(_Iterations(iterations)))
+        return self._shortened(problem.getSolutionPath()) if problem.hasExactSolution() else None
+
+    def _problem(self, start: FloatArray, target: ob.Goal) -> ob.ProblemDefinition:
+        problem = ob.ProblemDefinition(self._information)
+        problem.addStartState(self._state(start))
+        problem.setGoal(target)
+        problem.setOptimizationObjective(ob.PathLengthOptimizationObjective(self._information))
+        return problem
+
+    def _shortened(self, path: og.PathGeometric) -> FloatArray:
+        """The configurations (N, dof) of a path after OMPL's shortcutting."""
         simplifier = og.PathSimplifier(self._information)
-        simplifier.reduceVertices(found)
-        simplifier.partialShortcutPath(found, 60, 30)
-        states = [found.getState(index) for index in range(found.getStateCount())]
-        return np.array([[state[joint] for joint in range(len(start))] for state in states]), progress, tree
+        simplifier.reduceVertices(path)
+        simplifier.partialShortcutPath(path, 60, 30)
+        states = (path.getState(index) for index in range(path.getStateCount()))
+        return np.array([[state[joint] for joint in range(self._space.getDimension())] for state in states])
 
     def _bound(self, lower: FloatArray, upper: FloatArray) -> None:
         bounds = ob.RealVectorBounds(len(lower))
@@ -186,18 +252,26 @@ class MotionPlanner:
         return state
 
 
-class _Progress:
-    """Stops the planner after a number of iterations, or some after it has a first solution; when that was, too."""
+class _Iterations:
+    """Stops a planner after a number of iterations."""
 
-    def __init__(self, found: Callable[[], bool], limit: int, refine: int) -> None:
-        self._found, self._limit, self._refine = found, limit, refine
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
         self.count = 0
-        self.first = math.inf
-        self._since_found = 0
 
     def __call__(self) -> bool:
         self.count += 1
-        if self._since_found or self._found():
-            self._since_found += 1
-            self.first = min(self.first, time.perf_counter())
-        return self.count > self._limit or self._since_found > self._refine
+        return self.count > self._limit
+
+
+def _length(path: FloatArray) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def _spaced(path: FloatArray, most: float) -> list[FloatArray]:
+    """The points of a path after its first, with more between them where they are further apart than `most`."""
+    points: list[FloatArray] = []
+    for start, goal in pairwise(path):
+        parts = max(1, int(np.ceil(np.linalg.norm(goal - start) / most)))
+        points += [start + (goal - start) * (part / parts) for part in range(1, parts)] + [goal]
+    return points

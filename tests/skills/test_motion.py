@@ -105,7 +105,7 @@ def test_motion_avoids_what_is_in_the_way_and_repeats_by_seed(arm: Arm) -> None:
     assert first is not None
     assert again is not None
     assert other is not None
-    assert first.planner == "AORRTC"
+    assert first.planner == "RRT*"
     assert np.array_equal(first.configurations, again.configurations)
     assert not np.array_equal(first.configurations, other.configurations)
     assert np.allclose(first.configurations[0], start)

@@ -118,7 +118,7 @@ def test_a_search_is_told_with_its_tree(recorded: Recorded) -> None:
     assert motions
     for motion in motions:
         assert isinstance(motion, Motion)
-        assert (motion.tree is not None) == (motion.planner == "AORRTC")
+        assert (motion.tree is not None) == (motion.planner == "RRT*")
 
 
 @draws
