@@ -16,7 +16,7 @@ import rerun as rr
 
 from executive.errors import InputError
 from executive.monitor import Thresholds
-from executive.trace import documents, viewer_blueprint
+from executive.trace import documents, viewer_blueprint, viewer_freed
 from executive.trace.documents import plain
 from executive.trace.story import Standing, Story
 from executive.trace.viewer_beliefs import Beliefs
@@ -84,6 +84,7 @@ class RerunSink:
         pieces = rr.ChunkBatcherConfig.DEFAULT()
         pieces.flush_tick = _TICK_LIVE if viewer else _TICK
         name = path.parent.resolve().name
+        viewer_freed.sweep()  # those of earlier runs
         self._record = rr.RecordingStream(APPLICATION, recording_id=name, batcher_config=pieces)
         self._record.set_log_time_enabled(False)  # `wall` says when, and repeats
         self._record.set_log_tick_enabled(False)
@@ -166,7 +167,8 @@ class RerunSink:
         shown = len(self._scene.cameras), len(self._scene.pictures)
         if shown != self._arranged:
             self._arranged = shown
-            self._record.send_blueprint(viewer_blueprint.blueprint(self._scene.cameras, self._scene.pictures))
+            layout = viewer_blueprint.blueprint(self._scene.cameras, self._scene.pictures)
+            viewer_freed.send_blueprint(self._record, APPLICATION, layout)
 
     def _show_stage(self, event: Event, timing: Timing) -> None:
         """A stage is told of when it is over; it began so much earlier on the process's clock."""

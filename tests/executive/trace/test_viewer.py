@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import subprocess
 import sys
@@ -168,3 +169,13 @@ def test_the_scene_is_looked_at_where_the_cameras_look() -> None:
     assert np.isfinite(one).all()
     twin, _ = viewpoint((start.cameras[0], start.cameras[0]))
     assert np.isfinite(twin).all()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
+def test_a_recording_that_was_closed_leaves_no_thread_behind(tmp_path: Path) -> None:
+    counts = []
+    for number in range(4):
+        written(tmp_path / str(number), synthetic_events())
+        gc.collect()
+        counts.append(len(list(Path("/proc/self/task").iterdir())))
+    assert counts[-1] == counts[0]
