@@ -15,6 +15,7 @@ import contextlib
 import importlib.util
 import math
 import os
+import re
 import signal
 import subprocess
 import tempfile
@@ -37,6 +38,10 @@ _FENCE = 'cd "$1" && ulimit -t "$2" && shift 2 && exec "$@" < task.sas'
 killed and can end nothing any more."""
 
 
+_LEAST = ("--search", "eager_greedy([lmcut()], bound=0)")
+"""Works out one heuristic value and ends: no state is worth going on from."""
+
+
 def size(schema: Schema) -> int:
     """How many grounded actions a task may have at most."""
     members = {kind: len(schema.typing.members(kind)) for kind in {*schema.typing.supertypes, "object"}}
@@ -45,13 +50,17 @@ def size(schema: Schema) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """How the search ended: its exit code (negative where it was killed), its plan, what it said last, and whether it
-    was ended because its time was up."""
+    """How the search ended: its exit code (negative where it was killed), its plan, what it said, and whether it was
+    ended because its time was up."""
 
     code: int
     steps: tuple[Step, ...]
     said: str
     expired: bool
+
+    @property
+    def last_words(self) -> str:
+        return (self.said.strip().splitlines() or ["it said nothing"])[-1]
 
 
 class Grounded:
@@ -82,6 +91,9 @@ class Grounded:
                 "0",
             ]
         )
+
+    def __len__(self) -> int:
+        return len(self._steps)
 
     def task(self, true: frozenset[Atom], goal: Sequence[tuple[Atom, bool]]) -> str:
         """The file for the search from the state in which exactly the atoms in `true` are true."""
@@ -129,7 +141,14 @@ class Grounded:
             plan = folder / "plan"
             lines = plan.read_text(encoding="ascii").splitlines() if plan.exists() else []
         steps = tuple(self._steps[int(line[2:-1])] for line in lines if line.startswith("("))
-        return Answer(process.returncode, steps, (said.strip().splitlines() or ["it said nothing"])[-1], expired)
+        return Answer(process.returncode, steps, said, expired)
+
+    def least(self, engine: Path, task: str, seconds: float) -> int | None:
+        """So many steps every plan has at least, by LM-cut in the first state; None where that is not told in time."""
+        told = re.search(
+            r"Initial heuristic value for lmcut\S*: (\d+)", self.search(engine, task, _LEAST, seconds).said
+        )
+        return None if told is None else int(told[1])
 
     def _operator(self, number: int, step: Step) -> str:
         needs = {self._number[atom]: 0 if value else 1 for atom, value in step.preconditions.items()}

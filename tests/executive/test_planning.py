@@ -114,6 +114,43 @@ def test_what_is_written_down_is_the_task_that_unified_planning_makes_of_it(
         assert answer.cost == judge.cost
 
 
+@given(name=st.sampled_from(["sort-all", "tray", "dishes"]), seed=st.integers(0, 10**6))
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_a_large_tasks_plan_is_as_short_as_a_small_ones(
+    planners: Planners, schemas: Schemas, name: str, seed: int
+) -> None:
+    """However a plan is found first: taken for granted is only one than which none is shorter."""
+    choose, task = random.Random(seed), schemas[name].task
+    state = Facts({atom: choose.random() < choose.choice([0.1, 0.3, 0.5]) for atom in task.atoms})
+    goal = task.goal.only(choose.sample(sorted(task.goal), choose.randint(1, len(task.goal))))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("executive.planning._FEW", 10**6)
+        shortest = planners[name].plan(state, goal)
+        patch.setattr("executive.planning._FEW", -1)
+        answer = planners[name].plan(state, goal)
+    if isinstance(shortest, NoPlan):
+        assert isinstance(answer, NoPlan)
+        assert answer.reason is shortest.reason
+    else:
+        assert isinstance(answer, Plan)
+        assert answer.cost == shortest.cost
+
+
+def test_many_items_are_planned_for_without_a_search_for_the_shortest(schemas: Schemas, tmp_path: Path) -> None:
+    items = [f"thing-{number}" for number in range(30)]
+    problem = tmp_path / "many.pddl"
+    problem.write_text(
+        f"(define (problem many) (:domain grocery) (:objects {' '.join(items)} - item left right - table)"
+        f" (:init (robot-gripper-empty)) (:goal (and {' '.join(f'(on-table {item} right)' for item in items)})))"
+    )
+    schema = read_task(PAIRS["sort-all"][0], problem)
+    state = Facts.parse("robot-gripper-empty", *(f"on-table({item},left)" for item in items))
+    answer = FastDownwardPlanner(schema).plan(state, schema.task.goal)
+    assert isinstance(answer, Plan)
+    assert answer.cost == 2 * len(items)
+    assert "lazy_greedy" in answer.planner
+
+
 def test_what_is_held_is_put_down_first(planners: Planners, schemas: Schemas) -> None:
     held = EXAMPLE_1.without(Facts.parse("robot-gripper-empty", "on-table(cereal-box,wood-table)")) | Facts.parse(
         "robot-gripping(cereal-box)"
@@ -263,16 +300,16 @@ def test_a_search_that_takes_too_long_times_out_and_leaves_no_process(
     assert not list(tmp_path.iterdir())  # Fast Downward's intermediate file did not land in the current directory
 
 
-@pytest.mark.parametrize(("most", "victim"), [(20_000, SEARCH), (-1, SEARCH), (-1, DRIVER)])
+@pytest.mark.parametrize(("most", "searches", "victim"), [(20_000, 3, SEARCH), (-1, 2, SEARCH), (-1, 2, DRIVER)])
 def test_killed_processes_are_a_crash_and_take_the_others_with_them(
-    fifteen: Schema, mark: str, monkeypatch: pytest.MonkeyPatch, most: int, victim: str
+    fifteen: Schema, mark: str, monkeypatch: pytest.MonkeyPatch, most: int, searches: int, victim: str
 ) -> None:
-    """Whichever of the engine's processes dies, in both of the searches."""
+    """Whichever of the engine's processes dies, in each of the searches."""
     monkeypatch.setattr("executive.planning.MOST_GROUNDED", most)
     killed: list[int] = []
 
     def kill() -> None:
-        for _ in range(2):
+        for _ in range(searches):
             wait_for(mark, SEARCH)
             killed.append(wait_for(mark, victim))
             os.kill(killed[-1], signal.SIGKILL)
@@ -286,7 +323,7 @@ def test_killed_processes_are_a_crash_and_take_the_others_with_them(
     assert isinstance(answer, NoPlan)
     assert answer.reason is NoPlanReason.CRASHED
     assert answer.detail.isprintable()
-    assert len(set(killed)) == 2
+    assert len(set(killed)) == searches
     assert gone(mark)
 
 
