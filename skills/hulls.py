@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from executive.types import FloatArray
-from skills.sweep import separation
+from skills import sweep
 
 _ROUND = 32
 """Corners that stand for a circle: they leave out 0.5 % of its radius."""
@@ -67,7 +67,9 @@ def reduced(points: FloatArray, tolerance: float) -> FloatArray:
 
 def distances(points: FloatArray, corners: FloatArray) -> FloatArray:
     """How far each of the points (N, 3) is from the hull of `corners` (M, 3), in m."""
-    return np.array([apart(corners, point[None]) for point in points])
+    found = np.empty(len(points))
+    sweep.distances(points, by_fours(corners), found)
+    return found
 
 
 def apart(first: FloatArray, second: FloatArray) -> float:
@@ -78,7 +80,7 @@ def apart(first: FloatArray, second: FloatArray) -> float:
     room[:3], room[4] = np.eye(3), other[0] - one[0]
     room[4, 0] += 1e-9
     both = np.ascontiguousarray(np.concatenate([one, other]).T)
-    return separation(both, spans, 0, 1, 0.0, np.inf, 1e-9, room)
+    return sweep.separation(both, spans, 0, 1, 0.0, np.inf, 1e-9, room)
 
 
 def by_fours(points: FloatArray) -> FloatArray:

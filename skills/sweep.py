@@ -303,6 +303,29 @@ def _relative(frames: FloatArray, at: int, low: int, high: int, room: FloatArray
 
 
 @numba.njit(cache=True, error_model="numpy")
+def distances(points: FloatArray, corners: FloatArray, found: FloatArray) -> None:
+    """How far each of the points (N, 3) is from the hull of `corners` (M, 3), M a multiple of four, in m: into `found`
+    (N,)."""
+    count = len(corners)
+    both = np.empty((3, count + 4))
+    spans = np.array([[0, 0, count], [0, count, 4]], dtype=np.int64)
+    room = np.zeros((_FACE + 4, 3))
+    for corner in range(count):
+        for k in range(3):
+            both[k, corner] = corners[corner, k]
+    for point in range(len(points)):
+        for k in range(3):
+            for copy in range(4):
+                both[k, count + copy] = points[point, k]
+            for column in range(3):
+                room[k, column] = 1.0 if k == column else 0.0
+            room[3, k] = 0.0
+            room[4, k] = points[point, k] - corners[0, k]
+        room[4, 0] += 1e-9
+        found[point] = separation(both, spans, 0, 1, 0.0, np.inf, 1e-9, room)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def separation(
     points: FloatArray,
     spans: IntArray,

@@ -6,6 +6,7 @@ every text goes through `plain` on its way there.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence, Set
 
 from executive.trace.look_line import Change, LookLine
@@ -23,7 +24,8 @@ MARKS = {
 }
 _STANDINGS = {Standing.SURPRISE: "✗", Standing.DOUBT: "?", Standing.EXPECTED: "✓"}
 _DRAWN = {*map(chr, range(0x20, 0x7F)), *map(chr, range(0xA1, 0x100)), *"\n→←↑↓•…≥≤≠", *MARKS.values()} - {"\xad"}
-_MARKDOWN = frozenset("\\`*_|<>[]#~$")
+_UNDRAWN = re.compile(f"[^{re.escape(''.join(sorted(_DRAWN)))}]")
+_MARKDOWN = re.compile(r"[\\`*_|<>\[\]#~$]")
 _ROWS, _CHANGES = 12, 8
 _KINDS = {
     LookKind.CLOSER: "closer: ",
@@ -33,12 +35,12 @@ _KINDS = {
 
 def plain(text: str) -> str:
     """`text` with every character that the viewer cannot draw replaced by a question mark."""
-    return "".join(each if each in _DRAWN else "?" for each in text)
+    return _UNDRAWN.sub("?", text)
 
 
 def escaped(text: str) -> str:
     """`text` as one line of Markdown that shows it letter by letter."""
-    return "".join("\\" + each if each in _MARKDOWN else each for each in " ".join(plain(text).split()))
+    return _MARKDOWN.sub(r"\\\g<0>", " ".join(plain(text).split()))
 
 
 def spoken(step: Step) -> str:

@@ -19,6 +19,7 @@ from executive.types import Camera, Event, FloatArray, Frame, LookKind, Motion, 
 
 _STILL = 2e-4
 """A body whose pose (m, quaternion) differs by no more than this from what was logged last has not moved."""
+_NOWHERE = np.full(7, np.nan)
 _MARGIN = 0.006
 """m between an item and the box that is drawn around it in the hand."""
 _DIRECT = frozenset({"straight", "line"})
@@ -78,19 +79,24 @@ class Scene:
 
     def flush(self) -> None:
         """Send the frames that are still here."""
-        moves: dict[str, list[tuple[Event, FloatArray]]] = {}
-        for event, frame in self._frames:
-            for body, pose in frame.items():
-                last = self._poses.get(body)
-                if last is None or np.abs(pose - last).max() > _STILL:
-                    self._poses[body] = pose
-                    moves.setdefault(body, []).append((event, pose))
-        self._frames.clear()
+        moves: dict[str, list[tuple[int, FloatArray]]] = {}
+        for number, (_, frame) in enumerate(self._frames):
+            now = np.reshape([*frame.values()], (-1, 7))
+            last = np.reshape([self._poses.get(body, _NOWHERE) for body in frame], (-1, 7))
+            still = np.abs(now - last).max(axis=1, initial=0.0) <= _STILL  # nothing is, compared with nowhere
+            for body, stays in zip(frame, still, strict=True):
+                if not stays:
+                    self._poses[body] = frame[body]
+                    moves.setdefault(body, []).append((number, frame[body]))
+        times: dict[tuple[int, ...], list[rr.TimeColumn]] = {}  # the arm's links have theirs in common
         for body, rows in moves.items():
             poses = np.stack([pose for _, pose in rows]).astype(np.float32)
             transforms = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, [4, 5, 6, 3]])
-            times = time_columns([event for event, _ in rows])
-            self._record.send_columns(rr.new_entity_path(self._body(body)), times, transforms)
+            when = tuple(number for number, _ in rows)
+            if when not in times:
+                times[when] = time_columns([self._frames[number][0] for number in when])
+            self._record.send_columns(rr.new_entity_path(self._body(body)), times[when], transforms)
+        self._frames.clear()
 
     def show_pictures(self, observation: Observation) -> None:
         self.pictures = list(dict.fromkeys([*self.pictures, *map(plain, observation.images)]))
