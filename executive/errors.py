@@ -6,7 +6,8 @@ Failures of the task itself (no plan, a dropped item, a timeout) are values, nev
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 LONGEST = 2_000
@@ -43,8 +44,12 @@ class MissingError(ExecutiveError):
     exit_code = 3
 
     def __init__(self, message: str, *, command: str) -> None:
-        self.command = command
+        self.message, self.command = message, command
         super().__init__(f"{message}; install it with: {command}")
+
+    def __reduce__(self) -> tuple[Callable[[str], MissingError], tuple[str]]:
+        """On the way between processes it stays what it is."""
+        return partial(MissingError, command=self.command), (self.message,)
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:

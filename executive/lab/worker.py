@@ -6,17 +6,17 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from executive.errors import ExecutiveError, InputError, MissingError
+from executive.errors import InputError
 from executive.lab import dataset
 from executive.lab.dataset import Log
 from executive.lab.episode import Collector
+from executive.spawned import deaf, leave_with_parent
 
 
 class Pool:
@@ -84,14 +84,6 @@ def _begin(prepare: Callable[[], Collector], *rest: Any) -> None:
     _post = _Post(prepare(), *rest)
 
 
-def leave_with_parent() -> None:
-    """A process whose parent was killed would wait for work for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
 def _work(number: int, most: int) -> Log | None:
     assert _post is not None
     post = _post
@@ -100,10 +92,7 @@ def _work(number: int, most: int) -> Log | None:
         with post.made.get_lock():
             post.made.value += 1
 
-    try:
-        episode = post.collector.play(number, most, post.stop.is_set, tell)
-    except MissingError as error:  # does not survive the way to the parent as it is
-        raise ExecutiveError(str(error)) from None
+    episode = post.collector.play(number, most, post.stop.is_set, tell)
     if episode is None:
         return None
     try:
@@ -117,16 +106,3 @@ def _work(number: int, most: int) -> Log | None:
 def cores() -> int:
     """The cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@contextmanager
-def deaf() -> Iterator[None]:
-    """Have a process that is spawned meanwhile ignore Ctrl-C from its first moment on."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
+
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from executive.errors import LONGEST, DomainError, InputError, nearest
+from executive.errors import LONGEST, DomainError, ExecutiveError, InputError, MissingError, nearest
 
 texts = st.text(max_size=30)
 
@@ -27,6 +29,19 @@ def test_of_a_long_one_the_middle_is_left_out(end: str, length: int) -> None:
     assert said.endswith(end[-400:])
     assert (" [...] " in said) is (17 + length + len(end) > LONGEST)
     assert " [...] " in said or said == f"some.toml: begins {'x' * length}{end}"
+
+
+@given(texts, texts)
+def test_between_processes_they_stay_what_they_are(message: str, more: str) -> None:
+    for error in (
+        ExecutiveError(message),
+        InputError(message, file=more, key="k"),
+        DomainError(message, key=more),
+        MissingError(message, command=more),
+    ):
+        again = pickle.loads(pickle.dumps(error))
+        assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
+        assert again.exit_code == error.exit_code
 
 
 def test_the_nearest_name_is_proposed_and_all_are_listed() -> None:

@@ -11,8 +11,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
@@ -20,10 +20,8 @@ from typing import Protocol
 
 from executive.lab.campaign.design import Episode
 from executive.lab.campaign.episode import Player, Row, failure
-from executive.lab.worker import cores, deaf, leave_with_parent
-
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Each process has a core of its own, and how many there are changes no sum."""
+from executive.lab.worker import cores
+from executive.spawned import deaf, leave_with_parent, single_threaded
 
 
 class Crew(Protocol):
@@ -63,10 +61,17 @@ class Processes:
         prepare: called in each process; makes what plays. Importable there by its name.
         jobs: how many processes; as many as there are cores if not given.
         limit: wall seconds after which an episode is ended.
+        before: called before an episode is handed out.
     """
 
-    def __init__(self, prepare: Callable[[], Player], jobs: int | None, limit: float) -> None:
-        self._prepare, self._jobs, self._limit = prepare, jobs or cores(), limit
+    def __init__(
+        self,
+        prepare: Callable[[], Player],
+        jobs: int | None,
+        limit: float,
+        before: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._prepare, self._jobs, self._limit, self._before = prepare, jobs or cores(), limit, before
         self._context = multiprocessing.get_context("spawn")
         self._members: list[_Member] = []
 
@@ -82,6 +87,7 @@ class Processes:
         return self._jobs - sum(member.episode is not None for member in self._members)
 
     def hand(self, episode: Episode) -> None:
+        self._before()
         idle = next((member for member in self._members if member.episode is None), None)
         member = idle or self._hire()
         member.episode, member.since = episode, time.monotonic()
@@ -100,7 +106,7 @@ class Processes:
 
     def _hire(self) -> _Member:
         ours, theirs = self._context.Pipe()
-        with deaf(), _single_threaded():
+        with deaf(), single_threaded():
             process = self._context.Process(target=_work, args=(theirs, self._prepare))
             process.start()
         theirs.close()
@@ -151,15 +157,3 @@ def _work(connection: Connection, prepare: Callable[[], Player]) -> None:
             except Exception as error:
                 row = failure(episode, error, time.monotonic() - began)
             connection.send(row)
-
-
-@contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Have a process that is spawned meanwhile use one thread for its sums, unless that is set already."""
-    added = [name for name in _ONE_THREAD if name not in os.environ]
-    os.environ.update(dict.fromkeys(added, "1"))
-    try:
-        yield
-    finally:
-        for name in added:
-            del os.environ[name]
