@@ -7,6 +7,7 @@ What the commands `run` and `estimate` have in common. Everything that is built 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -94,8 +95,11 @@ def settled(config: EyeConfig, subject: Subject) -> EyeConfig:
     return replace(config, vlm=str(folder))
 
 
-def open_eye(config: EyeConfig, subject: Subject) -> S3E:
+def open_eye(config: EyeConfig, subject: Subject, load: Callable[[str], Backend] | None = None) -> S3E:
     """Load or reach the model, and word the questions about the subject's atoms.
+
+    Args:
+        load: what opens a checkpoint by its folder or hub id; by default, it is loaded in this process.
 
     Raises:
         InputError: the model, the server, the calibration or the files of the domain are no such.
@@ -107,7 +111,7 @@ def open_eye(config: EyeConfig, subject: Subject) -> S3E:
     server = None if config.server is None else ChatServer(config.server, config.vlm)
     questions = word_questions(config, subject, server)
     return S3E(
-        _backend(config, server),
+        _backend(config, server, load),
         questions,
         views=Views.AVERAGED if config.per_image else Views.TOGETHER,
         calibrate=calibration,
@@ -155,7 +159,7 @@ def cache_folder() -> Path:
     return user_cache_path("executive") / "questions"
 
 
-def _backend(config: EyeConfig, server: ChatServer | None) -> Backend:
+def _backend(config: EyeConfig, server: ChatServer | None, load: Callable[[str], Backend] | None) -> Backend:
     if server is not None:
         from executive.s3e.server import ServerBackend
 
@@ -165,7 +169,7 @@ def _backend(config: EyeConfig, server: ChatServer | None) -> Backend:
     from executive.s3e.vlm import TransformersBackend
 
     assert config.vlm is not None  # EyeConfig saw to it
-    return TransformersBackend(config.vlm)
+    return (load or TransformersBackend)(config.vlm)
 
 
 def _writer(config: EyeConfig, server: ChatServer | None) -> Writer:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,6 +18,7 @@ from executive.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from executive.lab.campaign.crew import Crew
+    from executive.lab.campaign.design import Episode
 
 ENGINES = ("processes", "ray")
 
@@ -36,6 +39,13 @@ def bench(
     jobs: Annotated[int | None, typer.Option(min=1, help="Episodes at a time; as many as there are cores.")] = None,
     engine: Annotated[str, typer.Option(help="Who plays: processes of this machine, or ray.")] = "processes",
     address: Annotated[str | None, typer.Option(help="Of a Ray cluster, for --engine ray.")] = None,
+    share_model: Annotated[
+        bool | None,
+        typer.Option(
+            "--share-model/--no-share-model",
+            help="One process holds the model for all; by default where there is a GPU and more than one job.",
+        ),
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="Play nothing: report what there is in this folder.")] = None,
     compare: Annotated[
         tuple[str, str] | None,
@@ -58,13 +68,15 @@ def bench(
         raise InputError(f"no engine {engine!r}; {nearest(engine, ENGINES)}", key="--engine")
     if address is not None and engine != "ray":
         raise InputError("goes with --engine ray", key="--address")
+    if share_model is not None and engine == "ray":
+        key = "--share-model" if share_model else "--no-share-model"
+        raise InputError("goes with --engine processes; with Ray, each process holds a model of its own", key=key)
 
     from executive import machine
 
     machine.require()
 
     from executive.lab.campaign.bench import Bench
-    from executive.lab.campaign.crew import Processes
     from executive.lab.campaign.episode import Simulated
     from executive.lab.campaign.on_ray import OnRay
     from executive.lab.campaign.reading import check, read_campaign
@@ -79,16 +91,43 @@ def bench(
             work.retry()
         if missing := work.missing(wanted):
             check(missing)
-            crew: Crew
+            limit = 60 * design.minutes
             if engine == "ray":
-                crew = OnRay(Simulated, jobs, 60 * design.minutes, address)
+                hired: AbstractContextManager[Crew] = OnRay(Simulated, jobs, limit, address)
             else:
-                crew = Processes(partial(Simulated, work.work), jobs, 60 * design.minutes)
-            with crew, ctrl_c(work.cancel), told(sys.stderr, "episodes") as watch:
+                hired = _processes(work.work, missing, jobs, limit, share_model)
+            with hired as crew, ctrl_c(work.cancel), told(sys.stderr, "episodes") as watch:
                 if not work.play(wanted, crew, watch):
                     print(f"interrupted; finished episodes are kept, go on with: {shlex.join(again)}", file=sys.stderr)
                     return INTERRUPTED
     return _report(folder, as_json)
+
+
+@contextmanager
+def _processes(
+    work: Path, episodes: Sequence[Episode], jobs: int | None, limit: float, share: bool | None
+) -> Iterator[Crew]:
+    """Processes of this machine, and one more that holds the model for all of them where that is wanted (`share`) or,
+    where nothing is said, saves a GPU from holding it several times."""
+    from executive.lab.campaign.crew import Processes
+    from executive.lab.campaign.episode import Simulated, loads_model
+    from executive.lab.worker import cores
+    from executive.s3e.host import ModelHost
+    from executive.s3e.loading import has_gpu
+
+    if not any(map(loads_model, episodes)):
+        share = False
+    elif share is None:
+        share = (jobs or cores()) > 1 and has_gpu()
+    if not share:
+        with Processes(partial(Simulated, work), jobs, limit) as crew:
+            yield crew
+        return
+    with (
+        ModelHost() as host,
+        Processes(partial(Simulated, work, host.address), jobs, limit, host.revive) as crew,
+    ):
+        yield crew
 
 
 def _report(folder: Path, as_json: bool) -> int:

@@ -6,6 +6,9 @@ Pictures are all that is ever shown, so that a family whose video part needs tor
 from __future__ import annotations
 
 import logging
+import os
+import platform
+import sys
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +22,9 @@ if TYPE_CHECKING:
 
 DTYPES = ("auto", "float32", "bfloat16", "float16")
 DEVICES = ("auto", "cpu", "cuda", "mps")
+
+GPUS = ("/dev/nvidiactl", "/dev/nvmap", "/dev/dxg", "/dev/kfd")
+"""What drivers that torch can use put there on Linux: NVIDIA's on a PC and on a Jetson, WSL2's, AMD's."""
 
 EXTRAS = {"torchvision": "torchvision", "num2words": "smolvlm"}
 """What some family's processor asks for and the default installation lacks -> our extra that brings it."""
@@ -92,6 +98,12 @@ def choose_device(wanted: str) -> str:
         have = ", ".join(f"{name}:{n}" if n else name for name, count in there.items() for n in range(count))
         raise InputError(f"this machine has no {wanted} that torch can use; it has {have}", key="device")
     return wanted
+
+
+def has_gpu() -> bool:
+    """Whether "auto" takes a GPU. Where there is no sign of one, torch is not imported to find that out."""
+    mac = sys.platform == "darwin" and platform.machine() == "arm64"
+    return (mac or any(map(os.path.exists, GPUS))) and choose_device("auto") != "cpu"
 
 
 def choose_dtype(wanted: str, device: str, half: bool) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import shlex
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +23,7 @@ from executive.types import Facts
 if TYPE_CHECKING:
     from executive.eye import EyeConfig
     from executive.s3e.estimator import S3E
+    from executive.s3e.shared import Address
 
 FAILED = "failed"
 """The outcome of an episode that could not be played to an end: a bug, a set-up that is wrong, a process that died."""
@@ -76,10 +79,15 @@ class Simulated:
 
     Args:
         work: where runs have their folders while they go on; a place of the system's if not given.
+        models: of the process that holds the models; without it, they are held in this one.
+
+    Raises:
+        ExecutiveError: of an episode, whatever keeps it from being played; and where the process that holds the models
+            has ended meanwhile, for then what the robot did not see says nothing.
     """
 
-    def __init__(self, work: Path | None = None) -> None:
-        self._work = work
+    def __init__(self, work: Path | None = None, models: Address | None = None) -> None:
+        self._work, self._models = work, models
         self._eyes: dict[tuple[str, str, EyeConfig], S3E] = {}
 
     def __call__(self, episode: Episode) -> Row:
@@ -87,9 +95,11 @@ class Simulated:
             config = replace(episode.config, runs=Path(runs))
             own = [str(parse_fault(spec)) for spec in episode.contender.faults]
             scorer = Scorer(lambda: run.truth.of(run.domain.task.atoms), config.estimator != "none", own)
-            with Run(config, [scorer], self._open(episode)) as run:
+            eye = self._open(episode)
+            with Run(config, [scorer], eye) as run:
                 summary = run.execute()
                 truth, items = run.truth.of(run.domain.task.atoms), run.world.items
+            self._check(eye)
         return row(episode, summary, scorer.tally, out_of_reach(truth, items))
 
     def _open(self, episode: Episode) -> S3E | None:
@@ -99,12 +109,37 @@ class Simulated:
             return None
         from executive.domain import load_domain
         from executive.eye import EyeConfig, open_eye
+        from executive.s3e.shared import SharedBackend
 
         key = (config.domain, episode.place.problem, config.eye or EyeConfig())
+        with suppress(ExecutiveError):  # a process that has ended may have a successor by now
+            self._check(self._eyes.get(key))
         if key not in self._eyes:
             self._eyes.clear()
-            self._eyes[key] = open_eye(key[2], load_domain(config.domain, config.problem).subject)
+            load = None if self._models is None else partial(SharedBackend, self._models)
+            self._eyes[key] = open_eye(key[2], load_domain(config.domain, config.problem).subject, load)
         return self._eyes[key]
+
+    def _check(self, eye: S3E | None) -> None:
+        """Whether the eye's model is still there.
+
+        Raises:
+            ExecutiveError: it is not, and the eye is open no more.
+        """
+        from executive.s3e.shared import SharedBackend
+
+        if eye is not None and isinstance(eye.backend, SharedBackend):
+            try:
+                eye.backend.check()
+            except ExecutiveError:
+                self._eyes.clear()
+                raise
+
+
+def loads_model(episode: Episode) -> bool:
+    """Whether whoever plays it needs a vision-language model on this machine."""
+    config = episode.config
+    return config.estimator == "vlm" and (config.eye is None or config.eye.server is None)
 
 
 def row(episode: Episode, summary: Summary, tally: Tally, lost: Sequence[str]) -> Row:
