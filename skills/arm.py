@@ -15,6 +15,7 @@ from skills import poses, trajectory
 from skills.collision import CollisionModel, Held
 from skills.ik import Kinematics
 from skills.motion import MotionPlanner, Path
+from skills.tried import Tried
 
 OPEN_WIDTH = 0.080
 """m; wider than this the fingers are open."""
@@ -55,13 +56,15 @@ class SkillError(Exception):
 
 
 class Arm:
-    """Kinematics, collision model and motion planner of one handle; built once, used by all its skills."""
+    """Kinematics, collision model and motion planner of one handle, and the grasps that failed with it; built once,
+    used by all its skills."""
 
     def __init__(self, handle: Handle) -> None:
         self.limits = handle.limits  # not the handle itself: it is the weak key under which the arm is kept
         self.kinematics = Kinematics(handle)
         self.collision = CollisionModel(handle)
         self.planner = MotionPlanner(handle.limits, self.collision)
+        self.tried = Tried()
 
 
 _ARMS: WeakKeyDictionary[Handle, Arm] = WeakKeyDictionary()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from executive.protocols import SkillContext
-from executive.types import FloatArray, SkillResult, SkillStatus, Step
+from executive.types import FloatArray, Sense, SkillResult, SkillStatus, Step
 from skills import grasps, poses
 from skills.arm import Attempt, SkillError, go_home, perform
 from skills.collision import Held
@@ -21,11 +21,15 @@ _LIFT = np.linspace(0.015, 0.12, 8)
 _MOST_PLANS = 8
 """Grasps for which a motion is searched before giving up."""
 
+_AGAIN = 1.0
+"""What a grasp costs more for each time that it has failed, in rad of the way to it."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reach:
-    """A grasp that the arm can get to: the approach and the lift, (N, 6) each, and what the pre-grasp costs."""
+    """A grasp (4, 4) that the arm can get to: the approach and the lift, (N, 6) each, and what the pre-grasp costs."""
 
+    grasp: FloatArray
     approach: FloatArray
     lift: FloatArray
     cost: float
@@ -65,6 +69,17 @@ def _pick(attempt: Attempt) -> None:
         raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {item}")
     attempt.move("approach", path, planned=True)
     attempt.move("approach", reach.approach, speed=0.5)
+    try:
+        _take(attempt, reach)
+    except SkillError as failure:
+        if failure.status is SkillStatus.GRASP_MISSED or failure.sense is Sense.FELT:
+            attempt.arm.tried.add(item, pose, reach.grasp)
+        raise
+    attempt.arm.tried.forget(item)
+
+
+def _take(attempt: Attempt, reach: _Reach) -> None:
+    """Grip, lift, and carry home if that is how actions end."""
     attempt.phase("grip")
     try:
         attempt.close_gripper()
@@ -107,6 +122,7 @@ def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> lis
             if not arm.collision.all_free(np.array(lift[1:])).all():
                 continue
             cost = float(np.linalg.norm(approach[-1] - start)) + 0.02 * preference
-            found.append(_Reach(np.array(approach[::-1]), np.array(lift), cost))
+            cost += _AGAIN * arm.tried.times(item, pose, grasp)
+            found.append(_Reach(grasp, np.array(approach[::-1]), np.array(lift), cost))
             break
     return sorted(found, key=lambda reach: reach.cost)

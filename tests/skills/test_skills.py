@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,24 @@ class TestPlace(_OnTheRobot):
 
 def other(table: str) -> str:
     return TABLES[(TABLES.index(table) + 1) % 3]
+
+
+def test_after_a_grasp_that_missed_another_one_is_tried() -> None:
+    """The world is put back in between, so that nothing else tells the second attempt from the first."""
+    robot = Robot(grocery(seed=20))
+    source, before = robot.table_of("soda-can"), robot.world.snapshot()
+    grips: list[np.ndarray] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("skills.arm._EMPTY_WIDTH", 1.0)  # the fingers feel nothing, whatever is between them
+        for _ in range(3):
+            robot.world.restore(before)
+            robot.said.clear()
+            assert robot.pick("soda-can", source).status is SkillStatus.GRASP_MISSED
+            approach = [event for event in robot.said if isinstance(event, Motion)][1]
+            grips.append(approach.configurations[-1])
+    assert min(np.abs(one - other).max() for one, other in combinations(grips, 2)) > 0.02
+    robot.world.restore(before)
+    assert robot.pick("soda-can", source).done
 
 
 @pytest.mark.parametrize("item", ITEMS)
