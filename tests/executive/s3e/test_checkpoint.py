@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import platform
 import shutil
 import struct
+import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -356,6 +358,28 @@ def test_the_device_that_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 0)
     monkeypatch.setattr(torch.backends.mps, "is_available", lambda: True)
     assert loading.choose_device("auto") == "mps"
+
+
+@pytest.mark.parametrize(("device", "there"), [("cpu", False), ("cuda", True), ("mps", True)])
+def test_torch_is_asked_for_a_gpu_where_there_is_a_sign_of_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: str, there: bool
+) -> None:
+    asked: list[str] = []
+
+    def choose(wanted: str) -> str:
+        asked.append(wanted)
+        return device
+
+    monkeypatch.setattr(loading, "choose_device", choose)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(loading, "GPUS", (str(tmp_path / "none"),))
+    assert (loading.has_gpu(), asked) == (False, [])
+    monkeypatch.setattr(loading, "GPUS", (str(tmp_path / "none"), str(tmp_path)))
+    assert (loading.has_gpu(), asked) == (there, ["auto"])
+    monkeypatch.setattr(loading, "GPUS", ())
+    monkeypatch.setattr(sys, "platform", "darwin")
+    monkeypatch.setattr(platform, "machine", lambda: "arm64")
+    assert (loading.has_gpu(), asked) == (there, ["auto"] * 2)
 
 
 def test_half_stored_weights_are_noticed(folder: Path) -> None:
