@@ -50,7 +50,7 @@ class ModelHost:
 
     def __enter__(self) -> ModelHost:
         short = len(tempfile.gettempdir()) <= _LONGEST
-        self._folder = tempfile.mkdtemp(prefix="executive-", dir=None if short else "/tmp")  # for nobody else to enter
+        self._folder = tempfile.mkdtemp(prefix="executive-model-", dir=None if short else "/tmp")  # for nobody else to enter
         self.address = Address(str(Path(self._folder) / "model"), secrets.token_bytes(32))
         try:
             self.revive()
