@@ -26,7 +26,7 @@ from executive.s3e.vlm import TransformersBackend
 from executive.spawned import deaf, leave_with_parent, single_threaded
 
 _LONGEST = 60
-"""Characters of a folder for temporary files: a socket's whole path has to be shorter than 104."""
+"""Characters of the folder for temporary files: a socket's whole path has to be shorter than 104 (macOS)."""
 
 log = logging.getLogger(__name__)
 
@@ -49,8 +49,9 @@ class ModelHost:
         self._process: SpawnProcess | None = None
 
     def __enter__(self) -> ModelHost:
+        # A folder that nobody else may enter.
         short = len(tempfile.gettempdir()) <= _LONGEST
-        self._folder = tempfile.mkdtemp(prefix="executive-model-", dir=None if short else "/tmp")  # for nobody else to enter
+        self._folder = tempfile.mkdtemp(prefix="executive-model-", dir=None if short else "/tmp")
         self.address = Address(str(Path(self._folder) / "model"), secrets.token_bytes(32))
         try:
             self.revive()
