@@ -63,7 +63,7 @@ def blueprint(cameras: Sequence[Camera], pictures: Sequence[str]) -> rrb.Bluepri
             plot_legend=rrb.PlotLegend(visible=False),
         ),
         rrb.TextLogView(origin=LOG, name="decisions and faults", columns=_log_columns()),
-        row_shares=[17, 30, 20, 33],
+        row_shares=[21, 28, 19, 32],
     )
     return rrb.Blueprint(
         rrb.Horizontal(world, mind, column_shares=[65, 35]),
