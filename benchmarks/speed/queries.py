@@ -1,6 +1,6 @@
 """Motions that the grocery task asked for, kept in a file, so that planners can be held against each other on them.
 
-    python -m benchmarks.speed.queries --seeds 100
+    python -m benchmarks.speed.queries
 
 carries out the task, each time with another seed, by turns with and without a home pose to go to after each action, and
 writes down every query whose straight edge is not free until there are 200 of them. Most edges are; how many queries
@@ -92,7 +92,7 @@ def _asked(seeds: range) -> Iterator[tuple[Query, bool]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--seeds", type=int, default=240)
     parser.add_argument("--queries", type=int, default=200)
     arguments = parser.parse_args()
     kept: list[Query] = []
