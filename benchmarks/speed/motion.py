@@ -56,9 +56,7 @@ def measure(everything: bool) -> list[Row]:
     reference = 1e3 * float(np.median([found.first for found in theirs]))
     known = reference if reference < np.inf else None
     against = "OMPL RRT*, Python callback, full model"
-    share = (
-        f"{len(queries)} of {asked} queries need more than a straight edge; the baseline is asked {len(some)} of them"
-    )
+    share = f"{len(queries)} of {asked} queries take more than a straight edge; the baseline is asked {len(some)}"
     return [
         Row("motion, first solution, median", median, known, "ms", "10 ms", median <= 10, against, share),
         Row("motion, first solution, 99th percentile", late, None, "ms", "50 ms", late <= 50, against),
