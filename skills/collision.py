@@ -8,7 +8,6 @@ never take a contact for none.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
@@ -121,7 +120,7 @@ class CollisionModel:
 
     def free(self, q: FloatArray) -> bool:
         """Whether nothing touches at the configuration `q` (6,), with the clearance kept."""
-        return bool(sweep.clear(*self._bodies, _CLEARANCE, q, q, 0))
+        return bool(sweep.clear(*self._bodies, _CLEARANCE, q, q, _EDGE))
 
     def all_free(self, configurations: FloatArray) -> sweep.BoolArray:
         """Which of the configurations (N, 6) touch nothing, (N,)."""
@@ -129,8 +128,7 @@ class CollisionModel:
 
     def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
         """Whether nothing touches along the straight edge between two configurations (6,), its ends included."""
-        steps = max(1, math.ceil(math.dist(start, goal) / _EDGE))
-        return bool(sweep.clear(*self._bodies, _CLEARANCE, start, goal, steps))
+        return bool(sweep.clear(*self._bodies, _CLEARANCE, start, goal, _EDGE))
 
     def beside(self, q: FloatArray) -> frozenset[str]:
         """The items that touch the held one at `q`."""

@@ -50,10 +50,10 @@ def clear(
     clearance: float,
     start: FloatArray,
     goal: FloatArray,
-    steps: int,
+    spacing: float,
 ) -> bool:
-    """Whether every pair is farther apart than `clearance` (m) at `steps + 1` configurations evenly spaced from `start`
-    to `goal`, both (J,) and included; with no steps, at `start`.
+    """Whether every pair is farther apart than `clearance` (m) at configurations at most `spacing` (rad) apart, spread
+    evenly from `start` to `goal`, both (J,) and included.
 
     Args:
         points: (3, N) the corners of all hulls, each in the frame of its link, m.
@@ -68,6 +68,10 @@ def clear(
         quiet: (R, C) in which of C parts of the second joint's turn a run's pairs are clear, wherever the first is.
     """
     joints = chain.shape[0]
+    length: float = 0.0
+    for joint in range(joints):
+        length += (goal[joint] - start[joint]) ** 2
+    steps = math.ceil(math.sqrt(length) / spacing)
     frames = np.empty((steps + 1, joints + 1, 12))
     known = np.zeros(steps + 1, dtype=np.bool_)
     room, stack = np.empty((14, 3)), np.empty((64, 2), dtype=np.int64)
@@ -119,7 +123,7 @@ def all_clear(
     result = np.empty(len(configurations), dtype=np.bool_)
     for index in range(len(configurations)):
         q = configurations[index]
-        result[index] = clear(points, spans, bounds, reach, groups, pairs, chain, quiet, clearance, q, q, 0)
+        result[index] = clear(points, spans, bounds, reach, groups, pairs, chain, quiet, clearance, q, q, 1.0)
     return result
 
 
@@ -128,11 +132,12 @@ def ready() -> None:
     points, spans, bounds = np.zeros((3, 8)), np.array([[0, 0, 4], [0, 4, 4]]), np.zeros((2, 10))
     reach, groups, pairs = np.zeros((2, 1)), np.zeros((0, 5), dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
     chain, quiet, q = np.zeros((1, 18)), np.zeros((0, 1), dtype=np.bool_), np.zeros((1, 1))
-    clear(points, spans, bounds, reach, groups, pairs, chain, quiet, 0.0, q[0], q[0], 1)
+    clear(points, spans, bounds, reach, groups, pairs, chain, quiet, 0.0, q[0], q[0], 1.0)
     all_clear(points, spans, bounds, reach, groups, pairs, chain, quiet, 0.0, q)
     points[0, 4:], room = 1.0, np.zeros((14, 3))
     room[:3], room[4, 0] = np.eye(3), 1.0
     separation(points, spans, 0, 1, 0.0, np.inf, 1.0, room)
+    distances(np.ones((1, 3)), np.zeros((4, 3)), np.empty(1))
     arrange(chain, q[0], q[0], 0, 0, np.zeros((1, 2, 12)))
 
 
