@@ -365,7 +365,10 @@ def test_a_folder_that_cannot_be_written_is_bad_input(tmp_path: Path, monkeypatc
 
 @pytest.fixture
 def handlers() -> Iterator[None]:
+    """Each order does what it does in a terminal, whoever started the tests (nohup has SIGHUP ignored)."""
     before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    for each in before:
+        signal.signal(each, signal.default_int_handler if each is signal.SIGINT else signal.SIG_DFL)
     yield
     for each, handler in before.items():
         signal.signal(each, handler)
