@@ -59,8 +59,8 @@ _SEARCHES = (
     _Search("lama-first", {"fast_downward_alias": "lama-first"}, ("--search", _FIRST), 1.0),
 )
 """The shortest plan; where that takes too long, any plan. All searches are complete and deterministic. What the quick
-one finds is only taken where LM-cut says that no plan is shorter: to search for the shortest takes a time that grows
-with the fourth power of the items."""
+one finds is only taken where LM-cut says that no plan is shorter: with many items, to search for the shortest takes
+much longer (`python -m benchmarks.speed --only growth`)."""
 
 _FEW = 100
 """Grounded actions up to which the search for the shortest plan is as quick."""

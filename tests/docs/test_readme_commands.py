@@ -68,17 +68,6 @@ def server() -> Iterator[str]:
 
 
 @pytest.fixture
-def one_thread() -> Iterator[None]:
-    """Tiny models are quicker on one thread than on several that wait for each other."""
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
-@pytest.fixture
 def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder like a clone's, with pictures and a model that knows nothing in it, and no screen."""
     monkeypatch.chdir(tmp_path)

@@ -56,6 +56,13 @@ def declared(schema: Schema) -> Facts:
     return Facts.closed(schema.task.declared, schema.task.atoms)
 
 
+def drawn(schema: Schema, seed: int) -> tuple[Facts, Facts]:
+    """Any state, however inconsistent (two items held, one item on two tables), and any part of the goal."""
+    choose, task = random.Random(seed), schema.task
+    state = Facts({atom: choose.random() < choose.choice([0.1, 0.3, 0.5]) for atom in task.atoms})
+    return state, task.goal.only(choose.sample(sorted(task.goal), choose.randint(1, len(task.goal))))
+
+
 def steps(answer: Plan | NoPlan) -> list[str]:
     assert isinstance(answer, Plan), answer
     return [str(step) for step in answer.steps]
@@ -76,10 +83,7 @@ def test_the_papers_example_takes_the_milk_before_the_cereal(planners: Planners,
 @given(name=st.sampled_from(["sort-all", "tray", "dishes"]), seed=st.integers(0, 10**6))
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_a_plan_leads_from_the_state_to_the_goal(planners: Planners, schemas: Schemas, name: str, seed: int) -> None:
-    """From any state, however inconsistent (two items held, one item on two tables), to any part of the goal."""
-    choose, task = random.Random(seed), schemas[name].task
-    state = Facts({atom: choose.random() < choose.choice([0.1, 0.3, 0.5]) for atom in task.atoms})
-    goal = task.goal.only(choose.sample(sorted(task.goal), choose.randint(1, len(task.goal))))
+    state, goal = drawn(schemas[name], seed)
     answer = planners[name].plan(state, goal)
     if isinstance(answer, NoPlan):
         assert answer.reason is NoPlanReason.UNSOLVABLE
@@ -120,9 +124,7 @@ def test_a_large_tasks_plan_is_as_short_as_a_small_ones(
     planners: Planners, schemas: Schemas, name: str, seed: int
 ) -> None:
     """However a plan is found first: taken for granted is only one than which none is shorter."""
-    choose, task = random.Random(seed), schemas[name].task
-    state = Facts({atom: choose.random() < choose.choice([0.1, 0.3, 0.5]) for atom in task.atoms})
-    goal = task.goal.only(choose.sample(sorted(task.goal), choose.randint(1, len(task.goal))))
+    state, goal = drawn(schemas[name], seed)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("executive.planning._FEW", 10**6)
         shortest = planners[name].plan(state, goal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -45,17 +45,6 @@ def episodes(model: Path, seeds: int) -> list[Episode]:
         Episode(place, "none", who, seed, RunConfig(str(TRAY), seed=seed, estimator="vlm", eye=eye, **limits))
         for seed in range(seeds)
     ]
-
-
-@pytest.fixture
-def one_thread() -> Iterator[None]:
-    """As in the processes that play."""
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def test_the_rows_are_those_of_one_with_a_model_of_its_own(model: Path, tmp_path: Path, one_thread: None) -> None:
