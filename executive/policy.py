@@ -289,7 +289,8 @@ def finish(
 
 def finish_blind(goal: Facts) -> Decision:
     """Nothing is left to do for an executive that does not look: it believes what it assumed."""
-    return _stop(OutcomeKind.GOAL_REACHED, "the plan is carried out; nobody looked whether the goal holds", tuple(goal))
+    reason = "the plan is carried out; nobody looked whether the goal holds"
+    return _stop(OutcomeKind.PLAN_COMPLETED, reason, tuple(goal))
 
 
 def exhausted(settings: Settings, **used: float) -> Decision | None:

@@ -11,8 +11,7 @@ from benchmarks.monitored.contenders import FULL, ORACLE, PLAIN, flipped
 from benchmarks.monitored.looks import Coverage, Line
 from executive.faults.kinds import PHYSICAL
 from executive.lab.campaign.episode import FAILED, Row
-from executive.lab.campaign.results import succeeded
-from executive.types import OutcomeKind
+from executive.lab.campaign.results import claimed, succeeded
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +63,7 @@ def score(rows: Sequence[Row]) -> Score:
     return Score(
         episodes=number,
         success=sum(map(succeeded, rows)) / number,
-        false_success=sum(row.outcome == OutcomeKind.GOAL_REACHED and not row.goal_true for row in rows) / number,
+        false_success=sum(claimed(row) and not row.goal_true for row in rows) / number,
         missed=total("missed") / total("failed") if total("failed") else None,
         alarms=total("alarms") / total("quiet") if total("quiet") else None,
         needless=total("needless") / number,

@@ -229,7 +229,7 @@ class _Replayed(Executive):
 
     def __init__(self, record: Record, monitor: Monitor, reel: _Reel, sink: _Decisions) -> None:
         started, world = record.started, _World()
-        eye = None if started.estimator == "none" else _Eye(started.estimator)
+        eye = None if started.is_blind else _Eye(started.estimator)
         super().__init__(
             started.task,
             reel,
@@ -250,7 +250,7 @@ class _Replayed(Executive):
 
 def _gone_on(record: Record, since: Resumed, monitor: Monitor) -> Course:
     """How the run stood when another process went on with it."""
-    task, blind = record.started.task, record.started.estimator == "none"
+    task, blind = record.started.task, record.started.is_blind
     memory = None if blind else remembered(record.before, monitor)
     return Course(task, task.goal, record.told if blind else Facts(), memory).resumed(since)
 

@@ -79,7 +79,7 @@ def compare_run(folder: Path, wanted: MonitorConfig | None = None) -> Comparison
     records = Record.all(read_events(folder, images=False))
     started = records[0].started
     atoms = started.task.atoms
-    if started.estimator == "none":
+    if started.is_blind:
         if wanted is not None:
             raise InputError("nobody looked in this run: what is made of looks decides nothing", file=folder)
         then: Monitor = PlainMonitor(atoms)

@@ -28,7 +28,7 @@ from executive.errors import InputError, nearest
 from executive.files import parse_json, reason
 from executive.trace.codec import RECORDED, JsonValue, decode, encode
 from executive.trace.pictures import read_picture, to_jpeg
-from executive.types import Decision, Ended, Event, Image, Motion, Observation, Resumed, Started
+from executive.types import Decision, Ended, Event, Image, Motion, Observation, OutcomeKind, Resumed, Started
 
 FORMAT = 1
 EVENTS_FILE = "events.jsonl"
@@ -167,14 +167,18 @@ def read_events(run: Path | str, images: bool = True) -> Iterator[Event]:
         file = path.open("rb")
     except (OSError, ValueError) as error:
         raise InputError(f"no record of a run ({reason(error)})", file=path) from None
+    is_blind = False
     with file:
         for number, line in enumerate(file, start=1):
             if not line.endswith(b"\n"):
                 return
             try:
-                yield _event(line, path.parent, images)
+                event = _event(line, path.parent, images)
             except ValueError as error:
                 raise InputError(str(error), file=path, key=f"line {number}") from None
+            if isinstance(event.payload, Started):
+                is_blind = event.payload.is_blind
+            yield _renamed(event) if is_blind else event
 
 
 def _event(line: bytes, folder: Path, images: bool) -> Event:
@@ -195,6 +199,15 @@ def _event(line: bytes, folder: Path, images: bool) -> Event:
     if not (abs(time) < _AGES and abs(wall) < _AGES):
         raise ValueError(f"no run has events at {time} s, or after {wall} s")
     return Event(cycle, time, wall, payload)
+
+
+def _renamed(event: Event) -> Event:
+    """An event of a run in which nobody looked. In records made before `plan-completed` had its name, such a run ended
+    as if the goal had been seen."""
+    payload = event.payload
+    if isinstance(payload, Decision | Ended) and payload.outcome is OutcomeKind.GOAL_REACHED:
+        return replace(event, payload=replace(payload, outcome=OutcomeKind.PLAN_COMPLETED))
+    return event
 
 
 def _record(line: bytes) -> dict[str, Any]:

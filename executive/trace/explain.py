@@ -107,7 +107,7 @@ def print_lines(lines: Iterable[str], stream: TextIO) -> None:
 
 def _opening(started: Started) -> list[str]:
     goal = ", ".join(started.task.goal.literals()) or "nothing"
-    who = "nobody looks" if started.estimator == "none" else f"seen by {started.estimator}"
+    who = "nobody looks" if started.is_blind else f"seen by {started.estimator}"
     return [
         f"{started.domain}, {started.task.problem}, seed {started.seed}, {who}.",
         f"The goal: {goal}.",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TextIO, TypedDict
 
 from executive.trace.events import picture_name
 from executive.trace.story import Story
+from executive.trace.terminal_view import outcome_style
 from executive.trace.whole import write_whole
 from executive.types import (
     Decision,
@@ -254,8 +255,9 @@ def print_runs(summaries: Sequence[Summary], stream: TextIO, labels: Sequence[st
 def _outcome(summary: Summary) -> Text:
     from rich.text import Text
 
-    claimed, true = summary["outcome"] == OutcomeKind.GOAL_REACHED, summary["goal_true"]
-    text = Text(summary["outcome"], "bold green" if claimed and true is not False else "bold red")
+    outcome, true = OutcomeKind(summary["outcome"]), summary["goal_true"]
+    claimed = outcome.claims_goal
+    text = Text(outcome, "bold red" if claimed and true is False else outcome_style(outcome))
     text.append(f"; goal seen: {_said(summary['goal_seen'])}, goal true: {_said(true)}", "")
     if true is not None and true is not claimed:
         text.append(" - the robot is mistaken" if claimed else " - the robot does not know", "bold yellow")

@@ -30,7 +30,6 @@ from executive.types import (
     Moved,
     NoPlan,
     Observation,
-    OutcomeKind,
     Phase,
     Plan,
     Resumed,
@@ -298,7 +297,7 @@ class Story:
         self.ended, self.phase = ended, ""
         if self.plans:
             if self._current is not None and self._current.mark is Mark.CURRENT:
-                reached = ended.outcome is OutcomeKind.GOAL_REACHED
+                reached = ended.outcome.claims_goal
                 self._current.mark = Mark.DONE if reached else Mark.FAILED
                 self._current.note = "" if reached else str(ended.outcome)
             self._drop_rest()

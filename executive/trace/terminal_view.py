@@ -84,7 +84,7 @@ def story_lines(story: Story, width: int) -> list[Text]:
         if dropped:
             lines.append(Text(f"  - {dropped} {'step' if dropped == 1 else 'steps'} left undone", "dim"))
     if story.ended is not None:
-        reason = Text(story.ended.reason, _outcome_style(story.ended.outcome))
+        reason = Text(story.ended.reason, outcome_style(story.ended.outcome))
         lines += _wrapped(reason, width, "")
     return [_one_line(line) for line in lines]
 
@@ -121,7 +121,7 @@ def event_line(event: Event, story: Story) -> Text | None:
         case Decision() if payload.kind is not DecisionKind.STOP:  # the end says the same
             text = _remark(payload)
         case Ended():
-            text.append(f"{payload.outcome}: {payload.reason}", _outcome_style(payload.outcome))
+            text.append(f"{payload.outcome}: {payload.reason}", outcome_style(payload.outcome))
         case _:
             return None
     return Text(f"{event.time:7.1f} s  ", "dim") + _one_line(text)
@@ -268,12 +268,14 @@ def contradiction(clash: Contradiction) -> str:
 
 def _decision_style(decision: Decision) -> str:
     if decision.outcome is not None:
-        return _outcome_style(decision.outcome)
+        return outcome_style(decision.outcome)
     return "" if decision.kind is DecisionKind.CONTINUE else "yellow"
 
 
-def _outcome_style(outcome: OutcomeKind) -> str:
-    return "bold green" if outcome is OutcomeKind.GOAL_REACHED else "bold red"
+def outcome_style(outcome: OutcomeKind) -> str:
+    if outcome is OutcomeKind.GOAL_REACHED:
+        return "bold green"
+    return "bold yellow" if outcome.claims_goal else "bold red"
 
 
 def _counts(story: Story) -> Text:
@@ -287,7 +289,7 @@ def _counts(story: Story) -> Text:
     goal = ""
     if story.started is not None and story.probability:
         total = len(story.started.task.goal)
-        goal = f", goal {total - len(story.unreached())} of {total}"
+        goal = f", goal {total - len(story.unreached())} of {total}{' assumed' if story.started.is_blind else ''}"
     return Text(f"cycle {story.cycle}, {story.time:.1f} s: {told}{goal}", "dim")
 
 

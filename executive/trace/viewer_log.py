@@ -78,7 +78,7 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
         case Decision() as decision:
             return [LogLine(documents.log_line(decision), "DECISION", _colour(decision))]
         case Ended() as ended:
-            return [LogLine(f"{ended.outcome}: {ended.reason}", "END", GREEN if ended.goal_seen else RED)]
+            return [LogLine(f"{ended.outcome}: {ended.reason}", "END", outcome_colour(ended.outcome))]
     return []
 
 
@@ -92,9 +92,15 @@ def _overruled(wrong: Overruled) -> str:
     return f"{wrong.atom}: seen {'true' if wrong.answered else 'false'} ({wrong.answer:.2f}), {believed}"
 
 
+def outcome_colour(outcome: OutcomeKind | None) -> Colour:
+    if outcome is OutcomeKind.GOAL_REACHED:
+        return GREEN
+    return AMBER if outcome is OutcomeKind.PLAN_COMPLETED else RED
+
+
 def _colour(decision: Decision) -> Colour:
     if documents.is_routine(decision):
         return GREY
     if decision.kind is not DecisionKind.STOP:
         return AMBER
-    return GREEN if decision.outcome is OutcomeKind.GOAL_REACHED else RED
+    return outcome_colour(decision.outcome)

@@ -19,12 +19,18 @@ class DecisionKind(StrEnum):
 
 
 class OutcomeKind(StrEnum):
-    GOAL_REACHED = "goal-reached"
+    GOAL_REACHED = "goal-reached"  # it is seen to hold
+    PLAN_COMPLETED = "plan-completed"  # by an executive that does not look: it assumes that the goal holds
     PARTIAL = "partial"
     NO_PLAN = "no-plan"
     GAVE_UP = "gave-up"
     INTERRUPTED = "interrupted"
     CRASHED = "crashed"
+
+    @property
+    def claims_goal(self) -> bool:
+        """Whether the executive takes the whole goal to hold, whether seen or assumed."""
+        return self in (OutcomeKind.GOAL_REACHED, OutcomeKind.PLAN_COMPLETED)
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,6 +86,7 @@ def test_blind_baseline_carries_on_and_is_wrong_about_it(prepared: Prepared) -> 
     summary = run.execute()
     assert len(of(seen, Observation)) == 0
     assert (summary["actions"], summary["replans"], summary["looks"]) == (4, 0, 0)
+    assert summary["outcome"] == "plan-completed"
     assert (summary["goal_seen"], summary["goal_true"]) == (False, False)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from executive.lab import drawing
 from executive.lab.campaign.episode import FAILED, Row
-from executive.lab.campaign.results import METRICS, Cell, Metric
+from executive.lab.campaign.results import METRICS, Cell, Metric, claimed
 from executive.lab.campaign.tables import head
 from executive.types import OutcomeKind
 
@@ -19,9 +19,10 @@ _ACROSS = 3
 _BESIDE = 0.7
 """How much of the way from one condition to the next the contenders' marks take up."""
 
-MISTAKEN = "goal-reached, but it is not"
+MISTAKEN = "taken to be reached, but it is not"
 ENDS: Mapping[str, str] = {
     OutcomeKind.GOAL_REACHED.value: "#3d8b5f",
+    OutcomeKind.PLAN_COMPLETED.value: "#7fb596",
     MISTAKEN: "#c0341d",
     OutcomeKind.PARTIAL.value: "#d9a441",
     OutcomeKind.GAVE_UP.value: "#8d99a6",
@@ -85,7 +86,7 @@ def outcomes(cells: Sequence[Cell]) -> bytes:
 
 def end_of(row: Row) -> str:
     """How an episode ended: its outcome, or that it claimed what is not so."""
-    return MISTAKEN if row.outcome == OutcomeKind.GOAL_REACHED and not row.goal_true else row.outcome
+    return MISTAKEN if claimed(row) and not row.goal_true else row.outcome
 
 
 def _panel(axes: Axes, metric: Metric, cells: Sequence[Cell], faults: Sequence[str], contenders: Sequence[str]) -> None:

@@ -35,8 +35,13 @@ class Metric:
         return "Wilson" if self.share else "bootstrap"
 
 
+def claimed(row: Row) -> bool:
+    """Whether the run ended with the whole goal taken to hold: seen to, or assumed by one that does not look."""
+    return row.outcome in (OutcomeKind.GOAL_REACHED, OutcomeKind.PLAN_COMPLETED)
+
+
 def succeeded(row: Row) -> bool:
-    return row.outcome == OutcomeKind.GOAL_REACHED and row.goal_true
+    return claimed(row) and row.goal_true
 
 
 def _delay(row: Row) -> float | None:
@@ -52,20 +57,23 @@ METRICS = (
     Metric(
         "success",
         "success",
-        "Of all episodes: the run ends as goal-reached, and in truth the goal holds.",
+        "Of all episodes: the run ends as goal-reached (one that does not look: as plan-completed), and in truth the "
+        "goal holds.",
         lambda row: float(succeeded(row)),
     ),
     Metric(
         "recovery",
         "recovery",
-        "Success, of the episodes in which at least one fault struck.",
-        lambda row: float(succeeded(row)) if row.strikes else None,
+        "Success, of the episodes in which at least one fault struck. One that does not look has none: it can notice "
+        "no fault, and where it succeeds all the same, the fault did no harm.",
+        lambda row: float(succeeded(row)) if row.strikes and row.looks else None,
     ),
     Metric(
         "false_success",
         "false success",
-        "Of all episodes: the run ends as goal-reached, and in truth the goal does not hold.",
-        lambda row: float(row.outcome == OutcomeKind.GOAL_REACHED and not row.goal_true),
+        "Of all episodes: the run ends as goal-reached (one that does not look: as plan-completed), and in truth the "
+        "goal does not hold.",
+        lambda row: float(claimed(row) and not row.goal_true),
     ),
     Metric(
         "false_alarm",

@@ -18,8 +18,8 @@ from executive.past import Past
 from executive.policy import Settings
 from executive.replay import compare_run
 from executive.trace import monitors
-from executive.trace.events import EVENTS_FILE, EventLog
-from executive.types import Facts, OutcomeKind
+from executive.trace.events import EVENTS_FILE, EventLog, read_events
+from executive.types import Decision, Ended, Facts, OutcomeKind
 from tests.fakes import Stage, at
 
 ROOT = Path(__file__).parents[3]
@@ -170,6 +170,16 @@ def test_monitors_that_cannot_be_made_are_one_line(
 ) -> None:
     assert cli.exit_code(["replay", str(kept(tmp_path / "run")), *options]) == cli.BAD_INPUT
     assert told in capsys.readouterr().err
+
+
+def test_a_blind_run_from_before_its_outcome_had_a_name_of_its_own_is_read(tmp_path: Path) -> None:
+    file = kept(tmp_path / "run", blind=True) / EVENTS_FILE
+    text = file.read_text()
+    assert text.count('"plan-completed"') == 2, "the decision and the end"
+    file.write_text(text.replace('"plan-completed"', '"goal-reached"'))
+    ends = [event.payload.outcome for event in read_events(file) if isinstance(event.payload, Decision | Ended)]
+    assert [each for each in ends if each] == [OutcomeKind.PLAN_COMPLETED] * 2
+    assert compare_run(file.parent).agree
 
 
 def test_a_blind_run_is_the_same_with_no_monitor_at_all(tmp_path: Path) -> None:

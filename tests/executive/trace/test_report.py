@@ -114,6 +114,13 @@ def test_people_get_the_outcome_and_the_command_that_inspects_it() -> None:
     assert "drop@2 in action 2 at 4.5 s" in stream.getvalue()
 
 
+def test_who_did_not_look_is_not_said_to_have_reached_anything() -> None:
+    stream, told = io.StringIO(), summarise(synthetic_events(), goal_true=False)
+    print_summary({**told, "outcome": "plan-completed", "goal_seen": False}, "run", stream)
+    assert "goal-reached" not in stream.getvalue()
+    assert "goal seen: no, goal true: no - the robot is mistaken" in stream.getvalue()
+
+
 def test_a_path_that_the_shell_would_split_is_quoted() -> None:
     stream = io.StringIO()
     print_summary(summarise(synthetic_events()), "my runs/a", stream)

@@ -132,6 +132,16 @@ def test_rows_come_back_as_they_were(tmp_path: Path, whole: dict[tuple[str, ...]
     assert [row.key for row in whole.values()] == list(whole)
 
 
+def test_rows_from_before_a_blind_outcome_had_a_name_of_its_own_count_the_same(
+    tmp_path: Path, whole: dict[tuple[str, ...], Row]
+) -> None:
+    sit(tmp_path)
+    text = (tmp_path / FILE).read_text()
+    assert '"plan-completed"' in text
+    (tmp_path / FILE).write_text(text.replace('"plan-completed"', '"goal-reached"'))
+    assert kept(tmp_path) == whole
+
+
 @pytest.mark.parametrize(
     ("changes", "difference"),
     [

@@ -73,8 +73,9 @@ def test_success_and_what_only_looks_like_it() -> None:
     rows = (row(0), row(1, goal_true=False), row(2, outcome="partial"), row(3, outcome=FAILED, error="x"))
     assert measured("success", *rows) == (0.25, 4)
     assert measured("false_success", *rows) == (0.25, 4)
-    blind = row(goal_seen=False)
-    assert measured("success", blind) == (1.0, 1), "one that does not look may claim it, too"
+    blind = [row(outcome="plan-completed", goal_seen=False, goal_true=true, looks=0) for true in (True, False)]
+    assert measured("success", *blind) == (0.5, 2), "one that does not look may claim it, too"
+    assert measured("false_success", *blind) == (0.5, 2)
 
 
 def test_recovery_is_of_the_episodes_that_were_struck() -> None:
@@ -82,6 +83,7 @@ def test_recovery_is_of_the_episodes_that_were_struck() -> None:
     rows = (row(0), row(1, strikes=struck), row(2, strikes=struck, outcome="gave-up", goal_true=False))
     assert measured("recovery", *rows) == (0.5, 2)
     assert measured("recovery", rows[0]) == (None, 0)
+    assert measured("recovery", row(strikes=struck, looks=0)) == (None, 0), "one that does not look cannot recover"
 
 
 def test_alarms_and_misses_are_of_the_episodes_that_could_have_them() -> None:
