@@ -276,7 +276,8 @@ def why_unanswered(finding: Finding) -> str:
     if errors:
         return "; ".join(errors)
     mass = fmean(view.answer.yes_mass + view.answer.no_mass for view in finding.views)
-    return f"only {mass:.0%} of the probability is on either answer"
+    rather = next((f"; it would rather say {view.answer.said}" for view in finding.views if view.answer.said), "")
+    return f"only {mass:.0%} of the probability is on either answer{rather}"
 
 
 def _answer(finding: Finding) -> dict[str, Any]:

@@ -110,9 +110,10 @@ def open_eye(config: EyeConfig, subject: Subject, load: Callable[[str], Backend]
     calibration = load_calibration(config)
     server = None if config.server is None else ChatServer(config.server, config.vlm)
     questions = word_questions(config, subject, server)
+    backend, odd = _backend(config, server, load)
     return S3E(
-        _backend(config, server, load),
-        questions,
+        backend,
+        replace(questions, warnings=(*questions.warnings, odd)) if odd else questions,
         views=Views.AVERAGED if config.per_image else Views.TOGETHER,
         calibrate=calibration,
     )
@@ -159,17 +160,19 @@ def cache_folder() -> Path:
     return user_cache_path("executive") / "questions"
 
 
-def _backend(config: EyeConfig, server: ChatServer | None, load: Callable[[str], Backend] | None) -> Backend:
+def _backend(
+    config: EyeConfig, server: ChatServer | None, load: Callable[[str], Backend] | None
+) -> tuple[Backend, str]:
+    """What looks, and what is odd about it."""
     if server is not None:
         from executive.s3e.server import ServerBackend
 
         there = ServerBackend(server)
-        there.check()
-        return there
+        return there, there.check()
     from executive.s3e.vlm import TransformersBackend
 
     assert config.vlm is not None  # EyeConfig saw to it
-    return (load or TransformersBackend)(config.vlm)
+    return (load or TransformersBackend)(config.vlm), ""
 
 
 def _writer(config: EyeConfig, server: ChatServer | None) -> Writer:

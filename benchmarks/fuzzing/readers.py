@@ -38,8 +38,9 @@ from executive.s3e.calibration import Calibration
 from executive.s3e.chat import ReplyError, _decoded, _models, _refusal, base_url  # what a server sends passes these
 from executive.s3e.checkpoint import CONFIG as MODEL_CONFIG
 from executive.s3e.checkpoint import INDEX, WEIGHTS, inspect
+from executive.s3e.dialect import Dialect
 from executive.s3e.questions import Templates
-from executive.s3e.server import masses, text
+from executive.s3e.server import hear, text
 from executive.s3e.translators import LanguageModel, Reply
 from executive.sim.spec import read_scene
 from executive.trace import monitors
@@ -230,13 +231,13 @@ def feed_calibration(data: bytes, scratch: Path) -> None:
 
 def feed_reply(data: bytes, scratch: Path) -> None:
     """What a chat server sends, as an answer, as text, as its list of models and as a refusal."""
-    _refusal(500, "1e309", data)
+    Dialect().after(_refusal(500, "1e309", data).words or "", 500, {"messages": []}, known=False)
     try:
         reply = _decoded(data)
     except ReplyError:
         raise InputError("refused") from None
     taken = 0
-    for read in (lambda: masses(reply, YES_NO), lambda: text(reply), lambda: _models(reply)):
+    for read in (lambda: hear(reply, YES_NO), lambda: text(reply), lambda: _models(reply)):
         try:
             read()
             taken += 1

@@ -19,10 +19,10 @@ OpenAI-compatible server, `ServerBackend(ChatServer("http://127.0.0.1:8000/v1"))
 The names below load no model and no library that runs one; those come with the first model that is made.
 """
 
-from executive.s3e.backend import TRUE_FALSE, YES_NO, Answer, AnswerWords, Backend, Look
+from executive.s3e.backend import LEAST_MASS, TRUE_FALSE, YES_NO, Answer, AnswerWords, Backend, Look
 from executive.s3e.calibration import Calibration
 from executive.s3e.chat import ChatServer
-from executive.s3e.estimator import LEAST_MASS, S3E, Finding, View, Views, observe
+from executive.s3e.estimator import S3E, Finding, View, Views, observe
 from executive.s3e.pictures import read_picture
 from executive.s3e.questions import (
     Templates,

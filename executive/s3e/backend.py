@@ -32,6 +32,9 @@ class AnswerWords:
         return spellings(self.affirmative), spellings(self.negative)
 
 
+_TOLD = 60
+"""Characters of what a model would rather say."""
+
 YES_NO = AnswerWords("yes", "no")
 TRUE_FALSE = AnswerWords("true", "false")
 """The answers of the ablation without translation (Appendix B)."""
@@ -43,13 +46,15 @@ class Answer:
 
     `yes_mass` and `no_mass` are the next token's probabilities summed over the surface forms of either answer; the
     rest of the mass went elsewhere. `prompt` is the text exactly as the model was given it. `error` says why there is
-    no answer at all (a server that is gone, a reply that makes no sense); both masses are then 0.
+    no answer at all (a server that is gone, a reply that makes no sense); both masses are then 0. `said` is what the
+    model would rather say, with its probability, where little of the mass is on either answer.
     """
 
     prompt: str
     yes_mass: float
     no_mass: float
     error: str = ""
+    said: str = ""
 
     def __post_init__(self) -> None:
         for name in ("yes_mass", "no_mass"):
@@ -63,6 +68,16 @@ class Answer:
         if self.error or mass <= 0.0 or mass < least_mass:
             return None
         return min(1.0, max(0.0, self.yes_mass / mass))
+
+
+LEAST_MASS = 0.5
+"""An answer counts when yes and no together have at least this share of the next token's probability: with less, the
+model would rather have said something else."""
+
+
+def rather(text: str, probability: float) -> str:
+    """What a model would rather say, as it is told: `'<think>' (98 %)`."""
+    return f"{text[:_TOLD]!r} ({probability:.0%})"
 
 
 @runtime_checkable

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import difflib
 import json
+import logging
 import os
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +21,7 @@ from urllib.parse import urlsplit
 
 from executive.errors import InputError
 from executive.files import parse_json
+from executive.s3e.dialect import Dialect
 
 if TYPE_CHECKING:
     import httpx2
@@ -39,9 +41,16 @@ _NAMED = 8
 """How many models an error message names."""
 _TOLD = 200
 """Characters of a server's own error message that are passed on."""
+_HEARD = 4_000
+"""Characters of it that are searched for what the server does not take."""
 _BUSY = frozenset({408, 425, 429})
 _NO_SUCH_PLACE = frozenset({404, 405, 501})
+_ELSEWHERE = frozenset({301, 302, 303, 307, 308})
+_CHANGES = 8
+"""How often a request is changed at most: a server names one thing after the other that it does not take."""
 _T = TypeVar("_T")
+
+log = logging.getLogger(__name__)
 
 
 class ServerError(InputError):
@@ -79,13 +88,22 @@ class Failure:
 
 
 class ReplyError(Exception):
-    """A reply that cannot be used. Raised by whatever reads replies; `again` says that another try may help."""
+    """A reply that cannot be used. Raised by whatever reads replies; `again` says that another try may help, `words`
+    are the server's own, where it refused the request as it was."""
 
     def __init__(
-        self, reason: str, *, again: bool = True, gone: bool = False, after: float = 0.0, status: int = 200
+        self,
+        reason: str,
+        *,
+        again: bool = True,
+        gone: bool = False,
+        after: float = 0.0,
+        status: int = 200,
+        words: str | None = None,
     ) -> None:
         super().__init__(reason)
         self.reason, self.again, self.gone, self.after, self.status = reason, again, gone, after, status
+        self.words = words
 
 
 class ChatServer:
@@ -115,10 +133,13 @@ class ChatServer:
         self._environment = environment  # never a copy of the process's own: it has keys in it
         self._encrypted = self.url.startswith("https:")
         self._met = False
+        self._dialect, self._understood = Dialect(), False
         self.models = self._list_models(needed=model is None)
         self.model = model or ""
+        if model is None and not self.models:
+            raise ServerError("has no model yet: load one there, or name one with --vlm NAME", file=self.url)
         if model is None and len(self.models) != 1:
-            raise ServerError(f"name the model that is to be asked; {self.known()}", file=self.url)
+            raise ServerError(f"name the model that is to be asked with --vlm NAME; {self.known()}", file=self.url)
         self.model = model or self.models[0]
         self._met = True
 
@@ -143,7 +164,8 @@ class ChatServer:
         """Ask for a chat completion of each request, several at once; what `read` makes of each reply, in order.
 
         The first request goes alone: a server that keeps the prefixes of prompts then has what the others share, and
-        one that is gone is found out once. `read` gets the decoded JSON and raises `ReplyError` for what it cannot use.
+        one that is gone is found out once. What the server says it does not take is changed, and written so from then
+        on. `read` gets the decoded JSON and raises `ReplyError` for what it cannot use.
         """
         bodies = [{"model": self.model, "temperature": 0, **request} for request in requests]
         return _run(self._complete(bodies, read)) if bodies else []
@@ -154,7 +176,7 @@ class ChatServer:
 
             async def one(body: Mapping[str, Any]) -> _T | Failure:
                 async with gate:  # encoded here, so that no more pictures are in memory than are under way
-                    return await self._try(client, "chat/completions", read, json.dumps(body).encode())
+                    return await self._try(client, "chat/completions", read, body)
 
             first = await one(bodies[0])
             if isinstance(first, Failure) and first.gone:
@@ -173,8 +195,10 @@ class ChatServer:
             return models
         if models.gone:
             raise ServerError(f"no server answers there ({models.reason}); {START}", file=self.url)
-        if models.status in _NO_SUCH_PLACE and not needed:
-            return ()
+        if models.status in _NO_SUCH_PLACE:
+            if not needed:
+                return ()
+            raise ServerError(f"lists no models (status {models.status}); name one with --vlm NAME", file=self.url)
         raise ServerError(models.reason, file=self.url)
 
     def _client(self) -> httpx2.AsyncClient:
@@ -206,23 +230,37 @@ class ChatServer:
         client: httpx2.AsyncClient,
         path: str,
         read: Callable[[Any], _T],
-        body: bytes | None = None,
+        request: Mapping[str, Any] | None = None,
         seconds: float | None = None,
     ) -> _T | Failure:
         """Ask, and ask again while that may help and there is time left (`seconds`, or what the patience allows)."""
         patience, trouble = self.patience, ReplyError("")
         seconds = patience.reply if seconds is None else seconds
+        dialect, number, changes = self._dialect, 0, 0
         try:
             async with asyncio.timeout(seconds):
-                for number in range(patience.tries):
-                    if number:
+                while number < patience.tries:
+                    if trouble.reason and number:
                         await asyncio.sleep(max(trouble.after, patience.pause * 2 ** (number - 1)))
+                    body = None if request is None else json.dumps(dialect.written(request)).encode()
                     try:
-                        return read(await self._once(client, path, body))
+                        reply = await self._once(client, path, body)
+                        if request is not None:  # as it was written, it is taken
+                            self._dialect, self._understood = dialect, True
+                        return read(reply)
                     except ReplyError as error:
                         trouble = error
+                        changed = None
+                        if request is not None and error.words is not None and changes < _CHANGES:
+                            known = self._understood and dialect == self._dialect
+                            changed = dialect.after(error.words, error.status, request, known=known)
+                        if changed is not None:
+                            log.info("%s: asked in another way, because %s", self.url, self._told(error.reason))
+                            dialect, changes, trouble = changed, changes + 1, ReplyError("")
+                            continue
                         if not error.again or (error.gone and not self._met):  # nobody to wait for
                             break
+                        number += 1
         except TimeoutError:
             last = f"; the last try: {trouble.reason}" if trouble.reason else ""
             trouble = ReplyError(f"no reply within {seconds:g} s{last}", gone=True)
@@ -245,6 +283,8 @@ class ChatServer:
             raise ReplyError(str(error) or "the connection cannot be made in time", gone=True) from None
         except httpx2.HTTPError as error:
             raise ReplyError(f"no whole HTTP reply ({error or type(error).__name__})") from None
+        if response.status_code in _ELSEWHERE:
+            raise _elsewhere(response.status_code, response.headers.get("location", ""), path)
         if response.status_code != 200:
             raise _refusal(response.status_code, response.headers.get("retry-after", ""), bytes(data))
         return _decoded(bytes(data))
@@ -301,30 +341,57 @@ def _decoded(data: bytes) -> Any:
         raise ReplyError("the reply is not complete JSON") from None
 
 
+def _elsewhere(status: int, location: str, path: str) -> ReplyError:
+    """What to do about a server that sends everybody to another address. It is not followed by itself: it would be told
+    the key."""
+    to = location[:_TOLD].split("?")[0].removesuffix(f"/{path}")
+    hint = f"; pass that address with --server: {to}" if to else ""
+    return ReplyError(f"the server sends requests elsewhere (status {status}){hint}", again=False, status=status)
+
+
 def _refusal(status: int, after: str, data: bytes) -> ReplyError:
     """What a status other than 200 means. The server's own words are passed on as far as there are any."""
-    try:
-        reply = parse_json(data)
-        error = reply.get("error", reply)
-        words = str(error.get("message") or error.get("detail") or "") if isinstance(error, dict) else str(error)
-    except (ValueError, AttributeError):
-        words = ""
-    words = f": {words[:_TOLD]}" if words else ""
+    words = _words(data)
+    told = f": {words[:_TOLD]}" if words else ""
     if status in (401, 403):
-        return ReplyError(
-            f"the server refuses access ({status}{words}); give its API key as {KEY}", again=False, status=status
-        )
+        # A model that may not be asked for probabilities is refused like somebody who may not ask at all.
+        hint = "" if "logprob" in words else f"; give its API key as {KEY}"
+        return ReplyError(f"the server refuses access ({status}{told}){hint}", again=False, status=status)
     again = status >= 500 or status in _BUSY
     try:
         pause = min(60.0, max(0.0, float(after)))
     except ValueError:  # a date; the usual pause does
         pause = 0.0
-    return ReplyError(f"the server answers with status {status}{words}", again=again, after=pause, status=status)
+    return ReplyError(
+        f"the server answers with status {status}{told}",
+        again=again,
+        after=pause,
+        status=status,
+        words=None if status in _BUSY or status == 404 else words[:_HEARD],
+    )
+
+
+def _words(data: bytes) -> str:
+    """What a server says of what it refuses: in one of the places where such servers say it."""
+    try:
+        reply = parse_json(data)
+    except ValueError:
+        return ""
+    reply = reply[0] if isinstance(reply, list) and reply else reply  # Google's
+    error = reply.get("error") or reply if isinstance(reply, dict) else reply
+    if not isinstance(error, dict):
+        return str(error) if isinstance(error, str) else ""
+    said = error.get("message") or error.get("detail") or ""
+    if isinstance(said, list):  # FastAPI's, with where in the request
+        said = "; ".join(f"{each.get('loc')}: {each.get('msg')}" for each in said if isinstance(each, dict))
+    passed_on = error.get("metadata")  # OpenRouter's: what the server behind it said
+    more = [error.get("param"), passed_on.get("raw") if isinstance(passed_on, dict) else None]
+    return " ".join(str(each) for each in (said, *more) if each and (each is said or str(each) not in str(said)))
 
 
 def _models(reply: Any) -> tuple[str, ...]:
     try:
-        names = [entry["id"] for entry in reply["data"]]
+        names = [entry["id"] for entry in (() if reply["data"] is None else reply["data"])]  # null is Ollama's for none
     except (LookupError, TypeError):
         names = [None]
     if not all(isinstance(name, str) and name.isprintable() for name in names):

@@ -13,14 +13,10 @@ from typing import TypeAlias
 import numpy as np
 
 from executive.errors import MissingError, nearest
-from executive.s3e.backend import Answer, AnswerWords, Backend, Look
+from executive.s3e.backend import LEAST_MASS, Answer, AnswerWords, Backend, Look
 from executive.types import Atom, Belief, Evidence, Image, Observation, Questions
 
 log = logging.getLogger(__name__)
-
-LEAST_MASS = 0.5
-"""An answer counts when yes and no together have at least this share of the next token's probability: with less, the
-model would rather have said something else."""
 
 Calibrator: TypeAlias = Callable[[Atom, float], float]
 """What the probability of an atom is, given what the model says it is. One that is no probability is no answer."""

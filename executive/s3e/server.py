@@ -3,7 +3,13 @@
 The first is asked for the probabilities of its next token. Each question is one request: the system prompt, the
 pictures, the question (the order of the paper's Appendix E.2), one token to be generated, and the `top_logprobs` most
 likely tokens in return. What a server does not list it gives no mass to here: an answer that is not among the most
-likely tokens counts as nothing, and shows as mass that went elsewhere.
+likely tokens counts as nothing, and shows as mass that went elsewhere. Where nothing is listed beside the token that
+was generated, there is no probability at all: what else the model might have said is unknown.
+
+Some models put something before each answer that says nothing (`**Yes**`, a newline, a quote, an empty `<think>`).
+They are asked for a few tokens more, and an answer after such a beginning counts with the probability of that
+beginning times its own after it: the probability that the reply goes so. Beginnings other than the one that was
+generated are not followed; their mass went elsewhere.
 """
 
 from __future__ import annotations
@@ -12,19 +18,32 @@ import base64
 import io
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from executive.errors import InputError
-from executive.s3e.backend import YES_NO, Answer, AnswerWords
+from executive.s3e import prompts
+from executive.s3e.backend import LEAST_MASS, YES_NO, Answer, AnswerWords, rather
 from executive.s3e.chat import ChatServer, Failure, ReplyError, ServerError
 from executive.s3e.translators import Reply
 from executive.types import Image
 
 Encoding: TypeAlias = Literal["png", "jpeg"]
+
+CHECK = "Is two plus two equal to four? Answer yes or no."
+"""What a server is asked before anything else. The answer is known."""
+
+REACH = 16
+"""Tokens of a reply, where an answer may come after something that says nothing."""
+
+LISTING = "the server has to list the likeliest tokens with top_logprobs (vllm serve: --max-logprobs 20)"
+
+_DRESSING = re.compile(r"[\s\W_]*(?:(?:</?think>|answer)[\s\W_]*)*", re.IGNORECASE)
+"""Tokens that say nothing yet."""
 
 _TOLERANCE = 1e-3
 """By how much probabilities that were rounded on the way may add up to more than 1."""
@@ -50,28 +69,54 @@ class ServerBackend:
         if top_logprobs < 2:
             raise ValueError(f"of {top_logprobs} tokens, none can be yes and another one no")
         self.server, self.top_logprobs, self.pictures = server, top_logprobs, pictures
+        self._tokens = 1
 
     @property
     def name(self) -> str:
         return self.server.name
 
-    def check(self) -> None:
-        """Ask one thing without a picture, to find out a server that can give no answers before any picture is taken.
+    def check(self) -> str:
+        """Ask one thing whose answer is known, without a picture, to find out what is wrong with a server before any
+        picture is taken.
+
+        Returns:
+            what is odd about its answer, in one line; "" if nothing is.
 
         Raises:
             ServerError: the server does not have the model, gives no logprobs, or the like.
         """
-        request = {"messages": [{"role": "user", "content": "Is water wet? Answer yes or no."}], **self.wanted}
-        (reply,) = self.server.complete([request], lambda reply: masses(reply, YES_NO))
-        if isinstance(reply, Failure):
-            unknown = reply.status == 404 and self.server.model not in self.server.models
+        system = {"role": "system", "content": prompts.QUESTION_ANSWERING}
+        (heard,) = self.ask([[system, {"role": "user", "content": CHECK}]], YES_NO)
+        if isinstance(heard, Failure):
+            unknown = heard.status == 404 and self.server.model not in self.server.models
             hint = f"; no model {self.server.model!r} there? {self.server.known()}" if unknown else ""
-            raise ServerError(f"{reply.reason}{hint}", file=self.server.url)
+            hint = f"; {LISTING}" if "logprob" in heard.reason and LISTING not in heard.reason else hint
+            raise ServerError(f"{heard.reason}{hint}", file=self.server.url)
+        asked = f"{self.name} was asked {CHECK!r} to begin with"
+        if heard.yes + heard.no < LEAST_MASS:
+            thinks = "; it thinks first: switch that off at the server" if "think" in heard.said.lower() else ""
+            put = f"put {heard.yes + heard.no:.0%} on yes and no and would rather say {heard.said}"
+            return f"{asked}, {put}{thinks}. What it is as unsure about will be unanswered"
+        if heard.no > heard.yes:
+            share = heard.no / (heard.yes + heard.no)
+            return f"{asked}, and says no ({share:.0%}). Its answers about pictures may be worth no more"
+        return ""
 
-    @property
-    def wanted(self) -> dict[str, object]:
-        """What is asked for with each question: one token, and how likely the others were."""
-        return {"max_tokens": 1, "logprobs": True, "top_logprobs": self.top_logprobs}
+    def ask(self, conversations: Sequence[Sequence[Mapping[str, Any]]], words: AnswerWords) -> list[Heard | Failure]:
+        """What is heard after each conversation, in order."""
+        heard = self._heard(conversations, words)
+        late = [index for index, each in enumerate(heard) if isinstance(each, Heard) and each.begun]
+        if late and self._tokens < REACH:
+            self._tokens = REACH  # as it has begun here, it will begin again
+            again = self._heard([conversations[index] for index in late], words)
+            for index, each in zip(late, again, strict=True):
+                heard[index] = each
+        return heard
+
+    def _heard(self, conversations: Sequence[Sequence[Mapping[str, Any]]], words: AnswerWords) -> list[Heard | Failure]:
+        wanted = {"max_tokens": self._tokens, "logprobs": True, "top_logprobs": self.top_logprobs}
+        requests = [{"messages": messages, **wanted} for messages in conversations]
+        return self.server.complete(requests, lambda reply: hear(reply, words))
 
     def look(self, images: Sequence[Image], system: str, words: AnswerWords = YES_NO) -> ServerLook:
         """Encode the pictures once. Nothing is sent before the first question.
@@ -95,18 +140,17 @@ class ServerLook:
 
     def ask(self, questions: Sequence[str]) -> list[Answer]:
         """One answer per question, in order. What goes wrong with one is its `error`, and no exception."""
-        wanted = self.backend.wanted
-        requests = [{"messages": self._messages(question, self.pictures), **wanted} for question in questions]
-        replies = self.backend.server.complete(requests, lambda reply: masses(reply, self.words))
-        return [self._answer(question, reply) for question, reply in zip(questions, replies, strict=True)]
+        conversations = [self._messages(question, self.pictures) for question in questions]
+        heard = self.backend.ask(conversations, self.words)
+        return [self._answer(question, each) for question, each in zip(questions, heard, strict=True)]
 
-    def _answer(self, question: str, reply: tuple[float, float] | Failure) -> Answer:
+    def _answer(self, question: str, heard: Heard | Failure) -> Answer:
         # A server fills its own template; what it was given is the messages, here with numbers for the pictures.
         numbers = [f"<image {number}>" for number in range(1, len(self.pictures) + 1)]
         prompt = json.dumps(self._messages(question, numbers), ensure_ascii=False)
-        if isinstance(reply, Failure):
-            return Answer(prompt, 0.0, 0.0, error=reply.reason)
-        return Answer(prompt, *reply)
+        if isinstance(heard, Failure):
+            return Answer(prompt, 0.0, 0.0, error=heard.reason)
+        return Answer(prompt, heard.yes, heard.no, said="" if heard.yes + heard.no >= LEAST_MASS else heard.said)
 
     def _messages(self, question: str, pictures: Sequence[str]) -> list[dict[str, Any]]:
         shown: list[dict[str, Any]] = [{"type": "image_url", "image_url": {"url": picture}} for picture in pictures]
@@ -161,34 +205,78 @@ def data_url(image: Image, encoding: Encoding = "png") -> str:
     return f"data:image/{encoding};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
 
 
-def masses(reply: Any, words: AnswerWords) -> tuple[float, float]:
-    """The probability mass that a reply's first token puts on each answer.
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What a reply comes to.
+
+    Attributes:
+        yes, no: the probability mass on each answer.
+        said: what was said, with the probability of its first token.
+        begun: it ends before it has said anything.
+    """
+
+    yes: float
+    no: float
+    said: str
+    begun: bool
+
+
+def hear(reply: Any, words: AnswerWords) -> Heard:
+    """The probability mass that a reply's first token that says anything puts on each answer.
 
     Tokens are compared as text, in every surface form of `words`; different tokens with the same text all count.
 
     Raises:
-        ReplyError: the reply has no log-probabilities, or such that are none.
+        ReplyError: the reply has no log-probabilities, or such that are none, or none but those of what it says.
     """
     try:
-        entry = reply["choices"][0]["logprobs"]["content"][0]
-        listed = [(top["token"], top["logprob"]) for top in entry.get("top_logprobs") or ()]
-        chosen = (entry["token"], entry["logprob"])
-        numbers = [top.get("id") for top in entry.get("top_logprobs") or ()]
+        entries = reply["choices"][0]["logprobs"]["content"][:REACH]
+        said, places = "".join(_spelling(entry["token"]) for entry in entries), [_place(entries[0])]
+        for entry in entries[1:]:
+            if not _DRESSING.fullmatch(places[-1].token):
+                break
+            places.append(_place(entry))
     except (LookupError, TypeError, AttributeError):
         raise _no_logprobs(reply) from None
+    yes, no, way = 0.0, 0.0, 1.0
+    for place in places:
+        if len(place.listed) == 1 and place.probability < 1.0 - _TOLERANCE:
+            raise ReplyError(
+                f"the reply lists nothing beside {place.token!r}, so that there is no probability; {LISTING}",
+                again=False,
+            )
+        total = sum(probability for _, probability in place.listed)
+        if total > 1.0 + _TOLERANCE:
+            raise ReplyError(f"the probabilities in the reply add up to {total:.3g}")
+        here = (
+            sum(probability for token, probability in place.listed if token in forms) / max(1.0, total)
+            for forms in words.forms()
+        )
+        yes, no = (mass + way * more for mass, more in zip((yes, no), here, strict=True))
+        way *= min(1.0, place.probability / max(1.0, total))
+    begun = _DRESSING.fullmatch(places[-1].token) is not None
+    return Heard(yes, no, rather(said, places[0].probability), begun)
+
+
+class _Place(NamedTuple):
+    """A token that was generated, its probability, and all that are listed there, itself included."""
+
+    token: str
+    probability: float
+    listed: Sequence[tuple[str, float]]
+
+
+def _place(entry: Any) -> _Place:
+    tops = entry.get("top_logprobs") or ()
+    listed = [(top["token"], top["logprob"]) for top in tops]
+    numbers = [top.get("id") for top in tops]
+    chosen = (entry["token"], entry["logprob"])
     # The token that was generated is not always among those that are listed beside it. llama.cpp gives each a number,
     # and may write the same token differently here and there.
     if chosen[0] not in [token for token, _ in listed] and entry.get("id", _NO_NUMBER) not in numbers:
         listed.append(chosen)
-    probabilities = [(_spelling(token), _probability(logprob)) for token, logprob in listed]
-    total = sum(probability for _, probability in probabilities)
-    if total > 1.0 + _TOLERANCE:
-        raise ReplyError(f"the probabilities in the reply add up to {total:.3g}")
-    yes, no = (
-        sum(probability for token, probability in probabilities if token in forms) / max(1.0, total)
-        for forms in words.forms()
-    )
-    return yes, no
+    known = [(_spelling(token), _probability(logprob)) for token, logprob in listed]
+    return _Place(_spelling(chosen[0]), _probability(chosen[1]), known)
 
 
 def text(reply: Any) -> str:
@@ -224,5 +312,5 @@ def _no_logprobs(reply: Any) -> ReplyError:
     if isinstance(reply, Mapping) and reply.get("error"):
         return ReplyError(f"the server reports an error: {reply['error']!s:.200}")
     if isinstance(reply, Mapping) and isinstance(reply.get("choices"), list) and reply["choices"]:
-        return ReplyError("the reply has no logprobs; the server has to give top_logprobs for chat", again=False)
+        return ReplyError(f"the reply has no logprobs; {LISTING}", again=False)
     return ReplyError("the reply is no chat completion")

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from executive.errors import InputError
-from executive.s3e.backend import YES_NO, Answer, AnswerWords
+from executive.s3e.backend import LEAST_MASS, YES_NO, Answer, AnswerWords, rather
 from executive.s3e.checkpoint import find
 from executive.s3e.loading import load
 from executive.s3e.prefix import Beginning, Prefix
@@ -162,6 +162,7 @@ class TransformersLook:
     def __init__(self, shown: _Shown, prefix: Prefix | None, tokens: AnswerTokens) -> None:
         self._shown: _Shown | None = shown
         self._prefix, self._tokens = prefix, tokens
+        self._decode = shown.chat.processor.tokenizer.decode
 
     @property
     def path(self) -> Path:
@@ -225,7 +226,10 @@ class TransformersLook:
         yes, no = (float(probability[list(ids)].sum()) for ids in (self._tokens.affirmative, self._tokens.negative))
         if not math.isfinite(yes + no):
             return Answer(prompt, 0.0, 0.0, "the model's output is not a number; try dtype float32")
-        return Answer(prompt, yes, no)
+        if yes + no >= LEAST_MASS:
+            return Answer(prompt, yes, no)
+        likeliest = int(probability.argmax())
+        return Answer(prompt, yes, no, said=rather(self._decode([likeliest]), float(probability[likeliest])))
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ def test_the_document_has_everything_and_nothing_else(
     empty = document["atoms"]["robot-gripper-empty()"]
     assert empty["answered"] is False
     assert empty["probability"] is None
-    assert empty["why"] == "only 10% of the probability is on either answer"
+    assert empty["why"] == "only 10% of the probability is on either answer; it would rather say 'maybe' (90%)"
 
 
 def test_an_outsider_can_ask_the_same_again(
@@ -217,7 +217,9 @@ def test_a_person_gets_a_line_for_each_atom_by_predicate(
     assert "0.95  █████████·  on-table(lemon,wood-table)   Is the lemon standing or lying on the wooden table?" in lines
     unanswered = next(line for line in lines if "robot-gripper-empty()" in line)
     assert unanswered.startswith("   ? ")
-    assert unanswered.endswith("(unanswered: only 10% of the probability is on either answer)")
+    assert unanswered.endswith(
+        "(unanswered: only 10% of the probability is on either answer; it would rather say 'maybe' (90%))"
+    )
     assert lines[-1].strip() == "0.11  █·········  Is it black?"
     assert len([line for line in lines if not line]) == 4  # below the head, and between four groups
 

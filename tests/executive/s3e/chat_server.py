@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from PIL import Image as Picture
@@ -68,16 +68,28 @@ def as_json(value: object, status: int = 200, headers: Mapping[str, str] | None 
     return Response(json.dumps(value).encode(), status, headers or {})
 
 
-def completion(top: Mapping[str, float] | Sequence[tuple[str, float]], text: str | None = None) -> Response:
+Top: TypeAlias = Mapping[str, float] | Sequence[tuple[str, float]]
+"""The most likely tokens at a place, and their probabilities."""
+
+
+def completion(top: Top, text: str | None = None) -> Response:
     """The response of an honest server: the next token's `top` probabilities, most likely first, and what it says."""
-    pairs = sorted(top.items() if isinstance(top, Mapping) else top, key=lambda pair: -pair[1])
-    listed = [{"token": token, "logprob": math.log(p) if p > 0 else -9999.0, "bytes": None} for token, p in pairs]
-    first = {**listed[0], "top_logprobs": listed} if listed else None
+    return spoken(*([top] if top else []), text=text)
+
+
+def spoken(*tops: Top, text: str | None = None) -> Response:
+    """The response of an honest server: at each place the `top` probabilities, of which the most likely is said."""
+    content = []
+    for top in tops:
+        pairs = sorted(top.items() if isinstance(top, Mapping) else top, key=lambda pair: -pair[1])
+        listed = [{"token": token, "logprob": math.log(p) if p > 0 else -9999.0, "bytes": None} for token, p in pairs]
+        content.append({**listed[0], "top_logprobs": listed})
+    said = "".join(str(each["token"]) for each in content) if content else None
     choice = {
         "index": 0,
-        "message": {"role": "assistant", "content": pairs[0][0] if text is None and pairs else text},
+        "message": {"role": "assistant", "content": said if text is None else text},
         "finish_reason": "length",
-        "logprobs": {"content": [first]} if first else None,
+        "logprobs": {"content": content} if content else None,
     }
     return as_json({"id": "1", "object": "chat.completion", "model": "tiny", "choices": [choice]})
 

@@ -30,14 +30,22 @@ def good() -> Iterator[ChatServerUnderTest]:
 # A server that misbehaves: an answer with an error, and what was asked
 
 
-GOOD_REPLY = completion({"yes": 0.9}).body
+GOOD_REPLY = completion({"yes": 0.9, "no": 0.05}).body
 WRONG: dict[str, tuple[Response, str]] = {
     "status 500": (as_json({"error": {"message": "CUDA out of memory"}}, 500), "status 500: CUDA out of memory"),
     "status 500 without words": (Response(b"<html>oops</html>", 500), "status 500"),
     "busy": (as_json({"error": "slow down"}, 429), "status 429: slow down"),
-    "bad request": (as_json({"message": "top_logprobs must be at most 5"}, 400), "top_logprobs must be at most 5"),
+    "bad request": (as_json({"message": "the context is too long"}, 400), "the context is too long"),
     "key refused": (as_json({"error": {"message": "Invalid key"}}, 401), f"give its API key as {KEY}"),
-    "sent elsewhere": (Response(b"", 302, {"Location": "http://127.0.0.1:9/"}), "status 302"),
+    "no probabilities for this key": (
+        as_json({"error": {"message": "You are not allowed to request logprobs from this model."}}, 403),
+        "refuses access (403: You are not allowed to request logprobs from this model.)",
+    ),
+    "sent elsewhere": (
+        Response(b"", 307, {"Location": "https://127.0.0.1:9/api/chat/completions?x=1"}),
+        "(status 307); pass that address with --server: https://127.0.0.1:9/api",
+    ),
+    "sent nowhere": (Response(b"", 308), "sends requests elsewhere (status 308)"),
     "truncated JSON": (Response(GOOD_REPLY[: len(GOOD_REPLY) // 2]), "not complete JSON"),
     "closed mid-reply": (Response(GOOD_REPLY, cut=40), "no whole HTTP reply"),
     "empty": (Response(b""), "not complete JSON"),
@@ -55,7 +63,7 @@ nan = json.loads(GOOD_REPLY)
 nan["choices"][0]["logprobs"]["content"][0]["top_logprobs"][0]["logprob"] = math.nan
 WRONG["NaN logprobs"] = (as_json(nan), "a log-probability in the reply is nan")
 AGAIN = ["status 500", "busy", "truncated JSON", "closed mid-reply", "empty", "a list", "NaN logprobs"]
-NEVER = ["bad request", "key refused", "no logprobs", "sent elsewhere", "endless"]
+NEVER = ["key refused", "no probabilities for this key", "no logprobs", "sent elsewhere", "endless"]
 
 
 @pytest.mark.parametrize("wrong", WRONG)
@@ -206,12 +214,27 @@ def test_a_name_that_is_no_line_of_text_is_no_models(name: object) -> None:
         ChatServer(server.url, "tiny", environment={})
 
 
-@pytest.mark.parametrize("models", [[], ["llava", "qwen"]])
-def test_which_model_is_meant_has_to_be_clear(models: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("models", "said"),
+    [
+        ([], "has no model yet: load one there"),
+        (as_json({"object": "list", "data": None}), "has no model yet: load one there"),
+        (["llava", "qwen"], "name the model that is to be asked with --vlm NAME; it has: llava, qwen"),
+        (as_json({"detail": "Not Found"}, 404), "lists no models (status 404); name one with --vlm NAME"),
+        (
+            Response(b"", 307, {"Location": "https://h/v2/models"}),
+            "(status 307); pass that address with --server: https://h/v2",
+        ),
+    ],
+)
+def test_which_model_is_meant_has_to_be_clear(models: list[str] | Response, said: str) -> None:
     with serving(honest, models) as server:
-        with pytest.raises(ServerError, match="name the model"):
+        with pytest.raises(ServerError) as caught:
             ChatServer(server.url, environment={})
-        assert ChatServer(server.url, "qwen", environment={}).model == "qwen"
+        assert str(caught.value).startswith(f"{server.url}: ")
+        assert said in str(caught.value)
+        if "307" not in said:
+            assert ChatServer(server.url, "qwen", environment={}).model == "qwen"
 
 
 def test_of_very_many_models_the_nearest_are_named() -> None:

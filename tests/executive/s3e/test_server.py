@@ -15,16 +15,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.errors import InputError
-from executive.s3e.backend import TRUE_FALSE, YES_NO, Backend, Look
+from executive.s3e.backend import TRUE_FALSE, YES_NO, AnswerWords, Backend, Look
 from executive.s3e.chat import ChatServer, Patience, ReplyError
-from executive.s3e.server import ServerBackend, masses
+from executive.s3e.server import CHECK, REACH, ServerBackend, hear
 from executive.s3e.translators import Reply, Writer
 from executive.s3e.vlm import TransformersBackend
 from executive.types import Image
 from tests.executive.s3e.chat_model import served
-from tests.executive.s3e.chat_server import ChatServerUnderTest, Request, Response, completion, serving
+from tests.executive.s3e.chat_server import ChatServerUnderTest, Request, Response, completion, serving, spoken
 from tests.executive.s3e.checkpoints import build
 from tests.executive.s3e.on_server import IMAGE, QUESTIONS, SYSTEM, backend, honest, look, scores, writer
+
+
+def masses(reply: object, words: AnswerWords) -> tuple[float, float]:
+    heard = hear(reply, words)
+    return heard.yes, heard.no
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +87,7 @@ def test_the_request_is_appendix_e2_in_its_order() -> None:
         (request,) = server.requests
     assert request.path == "/v1/chat/completions"
     wanted = {"model": "tiny", "temperature": 0, "max_tokens": 1, "logprobs": True, "top_logprobs": 20}
+    wanted |= {"chat_template_kwargs": {"enable_thinking": False}, "reasoning_effort": "none"}
     assert {key: value for key, value in request.body.items() if key != "messages"} == wanted
     assert [message["role"] for message in request.body["messages"]] == ["system", "user"]
     assert request.system == SYSTEM
@@ -157,7 +163,7 @@ def test_a_writer_gives_the_models_own_words() -> None:
 def test_masses_are_masses(weights: dict[str, float]) -> None:
     total = max(1.0, sum(weights.values()))
     top = {token: weight / total for token, weight in weights.items()}
-    if not top:
+    if len(top) < 2:
         return
     yes, no = masses(json.loads(completion(top).body), YES_NO)
     assert yes == pytest.approx(sum(p for token, p in top.items() if token in YES_NO.forms()[0]))
@@ -176,13 +182,112 @@ def test_different_tokens_with_the_same_text_all_count() -> None:
 
 
 def test_the_generated_token_counts_once_even_where_it_is_not_listed() -> None:
-    reply = json.loads(completion({"no": 0.3}).body)
+    reply = json.loads(completion({"no": 0.3, "well": 0.1}).body)
     entry = reply["choices"][0]["logprobs"]["content"][0]
     assert masses(reply, YES_NO) == pytest.approx((0.0, 0.3))
     entry.update(token=" Yes", logprob=math.log(0.2))
     assert masses(reply, YES_NO) == pytest.approx((0.2, 0.3))
+
+
+@pytest.mark.parametrize("listed", [[], None, "itself"])
+def test_with_nothing_listed_beside_it_there_is_no_probability(listed: object) -> None:
+    reply = json.loads(completion({"Yes": 0.6}).body)
+    entry = reply["choices"][0]["logprobs"]["content"][0]
+    if listed != "itself":
+        entry["top_logprobs"] = listed
+    with pytest.raises(ReplyError, match=r"no probability; the server has to list .* --max-logprobs"):
+        masses(reply, YES_NO)
+    entry.update(logprob=0.0)  # all there is
     entry["top_logprobs"] = []
-    assert masses(reply, YES_NO) == pytest.approx((0.2, 0.0))
+    assert masses(reply, YES_NO) == (1.0, 0.0)
+
+
+# What comes before an answer and says nothing
+
+
+def test_an_answer_behind_what_says_nothing_counts_with_the_way_there() -> None:
+    reply = json.loads(spoken({"**": 0.9, "Yes": 0.05, "No": 0.01}, {"Yes": 0.7, "No": 0.2}).body)
+    assert masses(reply, YES_NO) == pytest.approx((0.05 + 0.9 * 0.7, 0.01 + 0.9 * 0.2))
+    assert hear(reply, YES_NO).said == "'**Yes' (90%)"
+
+
+places = st.lists(
+    st.dictionaries(
+        st.sampled_from(["Yes", " no", "**", "\n", '"', "<think>", "</think>", "Answer", ":", "well"]),
+        st.floats(0.01, 1.0),
+        min_size=2,
+        max_size=5,
+    ),
+    min_size=1,
+    max_size=6,
+)
+
+
+@given(places)
+def test_masses_behind_what_says_nothing_are_masses(weights: list[dict[str, float]]) -> None:
+    tops = [{token: weight / sum(each.values()) for token, weight in each.items()} for each in weights]
+    heard = hear(json.loads(spoken(*tops).body), YES_NO)
+    assert min(heard.yes, heard.no) >= 0.0
+    assert heard.yes + heard.no <= 1.0 + 1e-9
+    chosen = [max(top, key=lambda token: top[token]) for top in tops]
+    saying = next((number for number, token in enumerate(chosen) if token in ("Yes", " no", "well")), None)
+    assert heard.begun == (saying is None)
+    # Nothing after the first token that says anything counts.
+    if saying is not None:
+        assert masses(json.loads(spoken(*tops[: saying + 1]).body), YES_NO) == (heard.yes, heard.no)
+
+
+@pytest.mark.parametrize("beginning", [["**"], ["\n"], ['"'], ["<think>", "\n\n", "</think>", "\n\n"], ["Answer", ":"]])
+def test_a_model_that_begins_with_what_says_nothing_is_asked_for_more_once(beginning: list[str]) -> None:
+    def begins(request: Request) -> Response:
+        answer = {"Yes": 0.8, "No": 0.15} if "lemon" in request.question else {"No": 0.9, "Yes": 0.05}
+        tokens = [*({each: 0.97, "Hm": 0.01} for each in beginning), answer, {"</s>": 0.9, ".": 0.1}]
+        return spoken(*tokens[: request.body["max_tokens"]])
+
+    with serving(begins) as server:
+        taken = look(server)
+        answers = taken.ask(QUESTIONS[:4])
+        again = taken.ask(QUESTIONS[:4])
+        asked = [request.body["max_tokens"] for request in server.requests]
+    assert asked == [1] * 4 + [REACH] * 8
+    way = 0.97 ** len(beginning)
+    for question, answer, later in zip(QUESTIONS, answers, again, strict=False):
+        yes, no = (0.8, 0.15) if "lemon" in question else (0.05, 0.9)
+        assert (answer.yes_mass, answer.no_mass) == pytest.approx((way * yes, way * no))
+        assert later == answer
+
+
+def test_a_model_that_thinks_is_heard_out() -> None:
+    """What it thinks is no answer, and is shown."""
+    words = ["<think>", "\n", "Okay", ",", " the", " user", " asks"]
+    with serving(lambda request: spoken(*({word: 0.98, "x": 0.01} for word in words))) as server:
+        (answer,) = look(server).ask(QUESTIONS[:1])
+        odd = backend(server).check()
+    assert (answer.yes_mass, answer.no_mass, answer.probability(0.5)) == (0.0, 0.0, None)
+    assert answer.said == r"'<think>\nOkay, the user asks' (98%)"
+    assert answer.said in odd
+    assert "it thinks first" in odd
+
+
+# What a server is asked first
+
+
+@pytest.mark.parametrize(
+    ("top", "said"),
+    [
+        ({"Yes": 0.7, "No": 0.2}, ""),
+        ({"No": 0.6, "Yes": 0.2}, "says no (75%)"),
+        ({"The": 0.6, "Yes": 0.2}, "would rather say 'The' (60%)"),
+    ],
+)
+def test_the_first_question_is_one_whose_answer_is_known(top: dict[str, float], said: str) -> None:
+    with serving(lambda request: completion(top)) as server:
+        odd = backend(server).check()
+        (request,) = server.requests
+    assert request.question == CHECK
+    assert request.system
+    assert said in odd
+    assert bool(odd) == bool(said)
 
 
 def test_a_token_is_the_same_by_its_number_whatever_it_is_written_as() -> None:
@@ -199,7 +304,7 @@ def test_a_token_is_the_same_by_its_number_whatever_it_is_written_as() -> None:
 
 @pytest.mark.parametrize("token", ["\u2581Yes", "\u0120Yes"])
 def test_leading_spaces_are_known_as_vocabularies_spell_them(token: str) -> None:
-    assert masses(json.loads(completion({token: 0.5}).body), YES_NO) == pytest.approx((0.5, 0.0))
+    assert masses(json.loads(completion({token: 0.5, "well": 0.1}).body), YES_NO) == pytest.approx((0.5, 0.0))
 
 
 @pytest.mark.parametrize("logprob", [None, -9999.0, -9999, -(10**400), -math.inf])
