@@ -18,6 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from executive.errors import MissingError
+from executive.native import keep_triton_apart
 
 PYTHONS = ((3, 11), (3, 14))
 """The oldest Python that works, and the first that does not (ompl 2.0.1 has no wheel for it)."""
@@ -155,6 +156,7 @@ def egl_trouble() -> str | None:
     The same calls as MuJoCo's own EGL context makes (EGL_EXT_device_enumeration, EGL_EXT_platform_device).
     """
     os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # what Mesa would print is said here, in one line
+    keep_triton_apart()
     try:
         egl = ctypes.CDLL("libEGL.so.1")
     except OSError:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from executive.errors import ExecutiveError, InputError, MissingError, nearest
+from executive.native import keep_triton_apart
 from executive.s3e.checkpoint import CONFIG, PROCESSORS, Checkpoint, read_object
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def load(checkpoint: Checkpoint, device: str = "auto", dtype: str = "auto") -> L
         InputError: the device or the dtype is none, or the checkpoint is no image-text-to-text model or a broken one.
         MissingError: the checkpoint's family needs a package that is not installed.
     """
+    keep_triton_apart()
     import torch
     from transformers import AutoModelForImageTextToText
     from transformers.models.auto.modeling_auto import MODEL_FOR_IMAGE_TEXT_TO_TEXT_MAPPING_NAMES as FAMILIES
@@ -67,6 +69,7 @@ def load(checkpoint: Checkpoint, device: str = "auto", dtype: str = "auto") -> L
 
 def load_language_model(checkpoint: Checkpoint, device: str = "auto", dtype: str = "auto") -> Loaded:
     """Load a checkpoint that writes text and sees nothing. Arguments and errors are those of `load`."""
+    keep_triton_apart()
     import torch
     from transformers import AutoModelForCausalLM, AutoTokenizer
     from transformers.models.auto.modeling_auto import MODEL_FOR_CAUSAL_LM_MAPPING_NAMES as FAMILIES
@@ -86,6 +89,7 @@ def choose_device(wanted: str) -> str:
     Raises:
         InputError: torch knows no such device, or has it not.
     """
+    keep_triton_apart()
     import torch
 
     there = {"cpu": 1, "cuda": torch.cuda.device_count(), "mps": int(torch.backends.mps.is_available())}
@@ -130,6 +134,7 @@ def choose_dtype(wanted: str, device: str, half: bool) -> str:
 def native_bfloat16() -> bool:
     """Whether this machine's CPU multiplies in bfloat16 by itself. Where it does not, torch emulates, some 100 times
     slower than float32."""
+    keep_triton_apart()
     import torch
 
     able = torch.cpu.get_capabilities()

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from executive.errors import MissingError
+from executive.native import keep_triton_apart
 from executive.sim import scene
 from executive.sim.spec import CameraSpec
 from executive.types import Image
@@ -20,6 +21,23 @@ def sensed(picture: Image, seed: Sequence[int]) -> Image:
     gives two pictures that are. The lowest bit of every value is noise."""
     noise = np.frombuffer(np.random.default_rng(seed).bytes(picture.size), np.uint8)
     return picture ^ (noise.reshape(picture.shape) & np.uint8(1))
+
+
+def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
+    """An off-screen renderer of pictures of this size, and the OpenGL context that it takes: the one place where they
+    are made.
+
+    Raises:
+        MissingError: there is no off-screen OpenGL.
+    """
+    keep_triton_apart()
+    try:
+        return mujoco.Renderer(model, height, width)
+    except Exception as error:  # mujoco raises whatever its GL binding raises
+        raise MissingError(
+            f"no off-screen OpenGL (MUJOCO_GL={os.environ.get('MUJOCO_GL', '')}): {error}",
+            command="apt-get install libegl1 libgl1 libgl1-mesa-dri",
+        ) from error
 
 
 class Drawing:
@@ -54,13 +72,7 @@ class Drawing:
     def _of_size(self, height: int, width: int) -> mujoco.Renderer:
         renderer = self._renderers.get((height, width))
         if renderer is None:
-            try:
-                renderer = mujoco.Renderer(self._model, height, width)
-            except Exception as error:  # mujoco raises whatever its GL binding raises
-                raise MissingError(
-                    f"no off-screen OpenGL (MUJOCO_GL={os.environ.get('MUJOCO_GL', '')}): {error}",
-                    command="apt-get install libegl1 libgl1 libgl1-mesa-dri",
-                ) from error
+            renderer = make_renderer(self._model, height, width)
             # Shadows and reflections cost a fifth of a picture and hide small items.
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0

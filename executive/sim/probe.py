@@ -10,6 +10,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from executive.native import keep_triton_apart
+
 _SCENE = """<mujoco><worldbody>
   <light pos="0 0 3"/><geom type="box" size=".5 .5 .5" rgba="1 0 0 1"/><camera name="front" pos="0 -3 0" xyaxes="1 0 0 0 0 1"/>
 </worldbody></mujoco>"""  # noqa: E501
@@ -27,6 +29,7 @@ def draw() -> str:
     model = mujoco.MjModel.from_xml_string(_SCENE)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
+    keep_triton_apart()
     with mujoco.Renderer(model, 48, 64) as renderer:
         renderer.update_scene(data, "front")
         red, green, _ = np.asarray(renderer.render(), dtype=int)[24, 32]

@@ -20,6 +20,7 @@ import numpy as np
 from executive.domain import Domain, load_domain
 from executive.lab.eye.scenes import Moment, Sampler
 from executive.sim import scene
+from executive.sim.drawing import make_renderer
 from executive.sim.studio import Lights, Shift, Studio
 from executive.types import FloatArray
 
@@ -48,7 +49,7 @@ class Photographer:
         self._studio = Studio(world.model, world.spec)
         self.cameras = [camera for camera in world.spec.cameras if cameras is None or camera.name in cameras]
         self._side = side
-        self._small = mujoco.Renderer(world.model, MASK, MASK)
+        self._small = make_renderer(world.model, MASK, MASK)
         self._small.enable_segmentation_rendering()
         items = sorted(world.shapes)
         roots = {world.model.body(item).id: index + 1 for index, item in enumerate(items)}
