@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import shlex
 import signal
 import sys
@@ -16,6 +15,7 @@ from typing import Annotated
 import typer
 
 from executive import __version__
+from executive.cli import streams
 from executive.errors import ExecutiveError
 
 REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
@@ -36,7 +36,11 @@ class Settings:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line (`sys.argv` unless `arguments` are given) and leave the process with its exit code."""
-    sys.exit(exit_code(sys.argv[1:] if arguments is None else arguments))
+    streams.settle()
+    try:
+        sys.exit(exit_code(sys.argv[1:] if arguments is None else arguments))
+    finally:
+        streams.leave()
 
 
 def exit_code(arguments: Sequence[str]) -> int:
@@ -44,34 +48,17 @@ def exit_code(arguments: Sequence[str]) -> int:
     settings = Settings()
     try:
         code = app(list(arguments) or ["--help"], prog_name="executive", standalone_mode=False, obj=settings)
-        sys.stdout.flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
         return int(code or 0)
     except KeyboardInterrupt:
         return INTERRUPTED
     except Exception as error:
-        if isinstance(error, OSError) and is_unread(error):
-            read_no_more()
-            return NOT_REACHED
         if settings.debug:
             raise
         code, message = _told(error, arguments)
         print(f"error: {message}", file=sys.stderr)
         return code
-
-
-def is_unread(error: OSError) -> bool:
-    """Whether it says that nobody reads what is printed any more: a pipe is closed, or the terminal is."""
-    return isinstance(error, BrokenPipeError) or (error.errno == errno.EIO and error.filename is None)
-
-
-def read_no_more() -> None:
-    """Whoever read our output has seen enough, or is gone; Python's own flush at exit shall not complain."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:
-            os.dup2(nowhere, stream.fileno())
 
 
 def _told(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:

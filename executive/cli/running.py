@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from executive import completion
-from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, is_unread, read_no_more
+from executive.cli import streams
+from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, one_line
 from executive.cli.options import (
     CalibrationFile,
     DomainName,
@@ -29,6 +30,7 @@ from executive.cli.options import (
     TranslatorName,
 )
 from executive.errors import InputError
+from executive.files import reason
 from executive.types import OutcomeKind
 
 if TYPE_CHECKING:
@@ -171,21 +173,21 @@ def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
     with prepared, ctrl_c(prepared.cancel):
         summary = prepared.execute()
     struck = {each["spec"] for each in summary["faults"]}
+    for spec in prepared.config.faults:
+        if "@" in spec and str(parse_fault(spec)) not in struck and not quiet:
+            print(f"warning: the fault {spec} never struck in {summary['actions']} actions", file=sys.stderr)
+    if summary["outcome"] == OutcomeKind.INTERRUPTED and not quiet:
+        print(f"go on with: executive resume {shlex.quote(str(prepared.folder))}", file=sys.stderr)
     try:
-        for spec in prepared.config.faults:
-            if "@" in spec and str(parse_fault(spec)) not in struck and not quiet:
-                print(f"warning: the fault {spec} never struck in {summary['actions']} actions", file=sys.stderr)
-        if summary["outcome"] == OutcomeKind.INTERRUPTED and not quiet:
-            print(f"go on with: executive resume {shlex.quote(str(prepared.folder))}", file=sys.stderr)
         if not quiet:
             print_summary(summary, prepared.folder, stream)
         if as_json:
             print(json.dumps(summary, indent=2), flush=True)
-        sys.stdout.flush()
-    except OSError as error:  # how the run ended does not hang on who reads it
-        if not is_unread(error):
-            raise
-        read_no_more()
+        stream.flush()
+    except OSError as error:  # how the run ended does not hang on whether that can be printed
+        unprinted = f"what it came to could not be printed ({reason(error)}), and is in {prepared.folder}"
+        print(f"warning: {one_line(unprinted)}", file=sys.stderr)
+        streams.leave()
     if summary["outcome"] == OutcomeKind.INTERRUPTED:
         return INTERRUPTED
     # A goal that nobody saw is not reported as reached, whatever a blind robot believes.
