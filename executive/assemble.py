@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from executive import machine
 from executive.attention import Attention
-from executive.configuration import CONFIG, ESTIMATORS, RunConfig, make_folder, read_config
+from executive.configuration import CONFIG, ESTIMATORS, RunConfig, check_folder, make_folder, read_config
 from executive.course import Course
 from executive.domain import Domain, load_domain
 from executive.errors import DomainError, InputError, nearest
@@ -83,6 +83,8 @@ class Run:
         folder: Path | None = None,
     ) -> None:
         self.config = config
+        if folder is None:
+            check_folder(config)
         log = None if folder is None else EventLog(folder, self._unrecorded)  # from here on it is ours
         self._past = None if folder is None else Past.of(folder)
         self.domain = load_domain(config.domain, config.problem)

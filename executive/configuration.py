@@ -14,7 +14,7 @@ from pathlib import Path
 from executive.domain import Domain
 from executive.errors import InputError, nearest
 from executive.eye import EyeConfig
-from executive.files import read_toml, reason
+from executive.files import check_writable, read_toml, reason
 from executive.monitoring import MonitorConfig
 from executive.policy import Settings
 from executive.trace.whole import write_whole
@@ -103,6 +103,21 @@ class RunConfig:
         return Settings(seed=self.seed, **limits)
 
 
+def check_folder(config: RunConfig) -> None:
+    """Have it said before anything is loaded that there can be no folder for the run.
+
+    Raises:
+        InputError: nothing can be written where it would be, or there is a run of that name.
+    """
+    check_writable(config.runs, "--runs")
+    if config.name is not None and os.path.lexists(config.runs / config.name):
+        raise _taken(config.runs / config.name)
+
+
+def _taken(folder: Path) -> InputError:
+    return InputError("there is a run of this name already; choose another with --name", file=folder)
+
+
 def make_folder(config: RunConfig, domain: Domain) -> Path:
     """The run's folder, with its configuration in it."""
     if config.name is not None:
@@ -117,10 +132,10 @@ def make_folder(config: RunConfig, domain: Domain) -> Path:
         except FileExistsError:
             continue
         except (OSError, ValueError) as error:
-            raise InputError(f"cannot be made: {reason(error)}", file=folder) from error
+            raise InputError(f"cannot be made: {reason(error)}", file=folder, key="--runs") from error
         write_whole(folder / CONFIG, _toml(config).encode())
         return folder
-    raise InputError("there is a run of this name already; choose another with --name", file=config.runs / names[0])
+    raise _taken(config.runs / names[0])
 
 
 def read_config(run: Path) -> RunConfig:

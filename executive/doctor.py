@@ -26,6 +26,7 @@ from packaging.requirements import Requirement
 
 from executive import __version__, machine
 from executive.errors import InputError, MissingError
+from executive.files import check_writable, reason
 
 _CHECKOUT = Path(__file__).resolve().parent.parent
 """Of the repository, if this is not an installed wheel."""
@@ -178,17 +179,17 @@ def planner() -> Finding:
 
 def opengl() -> Finding:
     """What the cameras' pictures are drawn with."""
-    lacks = machine.missing_libraries() if sys.platform == "linux" else []
-    if lacks:
-        return Finding("OpenGL", State.MISSING, lacks[0].what, lacks[0].command)
-    renderer = os.environ.get("MUJOCO_GL") or ("egl" if sys.platform == "linux" else "the system's")
     try:
-        name = _trial("executive.sim.probe")
-    except _TrialError as error:
-        command = f"{_sudo()}apt-get install -y libegl1 libgl1 libgl1-mesa-dri"
-        if renderer not in ("egl", "osmesa"):
-            command = "unset MUJOCO_GL"
-        return Finding("OpenGL", State.MISSING, f"drawing off screen fails (by {renderer}): {error}", command)
+        renderer = machine.settle_renderer() or "the system's"
+        lacks = machine.missing_libraries() if sys.platform == "linux" else []
+        if lacks:
+            return Finding("OpenGL", State.MISSING, lacks[0].what, lacks[0].command)
+        try:
+            name = _trial("executive.sim.probe")
+        except _TrialError as error:
+            raise machine.cannot_draw(f"by {renderer}: {error}") from None
+    except InputError as error:
+        return Finding("OpenGL", State.MISSING, str(error), f"unset {error.key}")
     return Finding("OpenGL", State.OK, f"{name}, by {renderer}")
 
 
@@ -208,9 +209,7 @@ def vulkan() -> Finding:
 
 def display() -> Finding:
     """Whether the viewer can open a window."""
-    from executive.trace.viewer_process import has_display
-
-    if has_display():
+    if machine.has_display():
         return Finding("display", State.OK, "there is one")
     return Finding("display", State.LIMITED, "none: the viewer opens no window here", "executive inspect RUN --web")
 
@@ -267,15 +266,20 @@ def extras() -> Finding:
 def disk() -> Finding:
     """Room for runs, and for what is written for a moment."""
     runs = Path("runs").absolute()
-    folder = next(path for path in (runs, *runs.parents) if path.is_dir())
-    elsewhere = "executive run DOMAIN --runs FOLDER"
-    for place in (folder, Path(tempfile.gettempdir())):
+    try:
+        temporary = Path(tempfile.gettempdir())
+    except OSError as error:
+        return Finding("disk", State.MISSING, _line(reason(error)), "export TMPDIR=FOLDER")
+    for place, key, command in (
+        (runs, "--runs", "executive run DOMAIN --runs FOLDER"),
+        (temporary, "TMPDIR", "export TMPDIR=FOLDER"),
+    ):
         try:
-            with tempfile.TemporaryFile(dir=place) as file:
-                file.write(b"written")
-        except OSError as error:
-            return Finding("disk", State.LIMITED, f"nothing can be written to {place} ({error.strerror})", elsewhere)
-    free = min(shutil.disk_usage(place).free for place in (folder, tempfile.gettempdir()))
+            check_writable(place, key)
+        except InputError as error:
+            return Finding("disk", State.LIMITED, _line(str(error)), command)
+    folder = next(path for path in (runs, *runs.parents) if path.is_dir())
+    free = min(shutil.disk_usage(place).free for place in (folder, temporary))
     if free < _ROOM:
         state = State.MISSING if free < _LEAST_ROOM else State.LIMITED
         return Finding("disk", state, f"only {free / 1e6:.0f} MB free in {folder}", f"du -sh {folder}/* | sort -h")

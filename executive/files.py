@@ -7,12 +7,14 @@ people's programs make use of that.)
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
 import re
 import struct
 import sys
+import tempfile
 import tokenize
 import tomllib
 import zipfile
@@ -31,6 +33,9 @@ LARGEST, LARGEST_TOML = 10_000_000, 1_000_000
 
 LARGEST_ARRAYS = 1_000_000_000
 """Bytes of all arrays in a file, which may be a thousand times smaller."""
+
+_PAGE = 4096
+"""Bytes that are written to a folder to see whether that works; a few may go where there is no room for a file."""
 
 DEEPEST = 100
 """How many lists and tables may be nested in each other."""
@@ -158,6 +163,35 @@ def parse_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
     ) as error:  # NumPy and zipfile raise all of these for what they did not write
         raise ValueError(reason(error)) from None
     return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
+
+
+def check_writable(folder: Path, key: str) -> None:
+    """Have it said now, and not when there is something to write, that nothing can be written to a folder, or to where
+    it would have to be made.
+
+    Args:
+        key: the option that names another folder.
+
+    Raises:
+        InputError: a file cannot be made there, or there is no room for one.
+    """
+    try:
+        with tempfile.TemporaryFile(dir=_nearest(folder.absolute())) as file:
+            file.write(bytes(_PAGE))
+            file.flush()
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"nothing can be written there ({reason(error)}); name another folder", file=folder, key=key
+        ) from None
+
+
+def _nearest(folder: Path) -> Path:
+    """The folder itself, or the nearest one above it that is there."""
+    for path in (folder, *folder.parents):
+        with contextlib.suppress(FileNotFoundError):
+            path.stat()
+            return path
+    return folder
 
 
 def home(path: str | Path) -> Path:

@@ -11,13 +11,13 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires
 from importlib.util import find_spec
 from pathlib import Path
 
-from executive.errors import MissingError
+from executive.errors import ExecutiveError, InputError, MissingError
 from executive.native import keep_triton_apart
 
 PYTHONS = ((3, 11), (3, 14))
@@ -47,6 +47,19 @@ ROBOT = "models/assets/robots/ur5e/robot.xml"
 LIBRARIES = {"libGL.so.1": "libgl1"}
 """What MuJoCo draws with: library -> its Debian package."""
 
+RENDERER, BINDING, DEVICE = "MUJOCO_GL", "PYOPENGL_PLATFORM", "MUJOCO_EGL_DEVICE_ID"
+OFF_SCREEN = ("egl", "osmesa")
+"""What `RENDERER` may say wherever there is no screen."""
+
+_ON_SCREEN = {"linux": ("glfw", "glx", "on", "enable", "enabled", "true", "1"), "darwin": ("cgl", "glfw", "")}
+"""What else MuJoCo takes, where there is a screen."""
+
+_STEERING = (
+    *("GALLIUM_DRIVER", "MESA_LOADER_DRIVER_OVERRIDE", "LIBGL_DRIVERS_PATH", "LIBGL_ALWAYS_SOFTWARE"),
+    *("__EGL_VENDOR_LIBRARY_FILENAMES", "__EGL_VENDOR_LIBRARY_DIRS", "EGL_PLATFORM", "__GLX_VENDOR_LIBRARY_NAME"),
+)
+"""What else leads OpenGL astray where it is set to something that is not there."""
+
 
 @dataclass(frozen=True, slots=True)
 class Missing:
@@ -60,8 +73,10 @@ def require() -> None:
     """Raise when something is missing that every run needs.
 
     Raises:
+        InputError: an environment variable has what draws be what it cannot be.
         MissingError: names everything that is missing, with one command for all of it.
     """
+    settle_renderer()
     missing = check()
     if missing:
         commands = dict.fromkeys(entry.command for entry in missing)
@@ -131,10 +146,65 @@ def missing_parts() -> Iterator[Missing]:
             yield Missing(f"{what} is missing ({file})", _pip("--force-reinstall --no-deps", PACKAGES[module]))
 
 
+def settle_renderer() -> str:
+    """What MuJoCo draws with, as it is called in `MUJOCO_GL`, which is set to it: off screen where nothing is said. To
+    be asked before MuJoCo is imported, which takes what it says there for good.
+
+    Raises:
+        InputError: this variable, or another that goes with it, says what cannot be; its name is the error's key.
+    """
+    said = os.environ.get(RENDERER, "").strip().lower()
+    if sys.platform != "linux":
+        if said not in _ON_SCREEN.get(sys.platform, (said,)):
+            raise InputError(f"is {said!r}, with which MuJoCo draws nothing here; it has to be unset", key=RENDERER)
+        return said
+    renderer = said or OFF_SCREEN[0]
+    ways = " or ".join(OFF_SCREEN)
+    if renderer in _ON_SCREEN["linux"]:
+        if not has_display():
+            why = f"is {said!r}, which draws on a screen, and there is none; it has to be {ways}, or unset"
+            raise InputError(why, key=RENDERER)
+    elif renderer not in OFF_SCREEN:
+        raise InputError(f"is {said!r}, with which MuJoCo draws nothing; it has to be {ways}, or unset", key=RENDERER)
+    os.environ[RENDERER] = renderer
+    if renderer in OFF_SCREEN:
+        binding = os.environ.get(BINDING, "").strip().lower()
+        if binding not in ("", renderer):
+            why = f"is {binding!r}, and what draws is {renderer!r} (see {RENDERER}); it has to be the same, or unset"
+            raise InputError(why, key=BINDING)
+        if binding:
+            os.environ[BINDING] = binding  # OpenGL's own has no other case
+    return renderer
+
+
+def has_display(environment: Mapping[str, str] = os.environ, system: str = sys.platform) -> bool:
+    """Whether a window can be opened."""
+    return not system.startswith("linux") or any(environment.get(key) for key in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
+def cannot_draw(why: str) -> ExecutiveError:
+    """What to raise where nothing can be drawn, and why: what to install, unless an environment variable may be what
+    leads OpenGL astray."""
+    blamed = [name for name in (DEVICE, *_STEERING) if os.environ.get(name)]
+    renderer = os.environ.get(RENDERER, "")
+    if renderer not in ("", *OFF_SCREEN):
+        blamed.append(RENDERER)
+    if blamed:
+        told = ", ".join(f"{name}={os.environ[name]}" for name in blamed)
+        return InputError(f"nothing can be drawn ({why}), with {told} set; try without", key=" ".join(blamed))
+    return MissingError(
+        f"nothing can be drawn off screen ({why})", command=_apt("libegl1", "libgl1", "libgl1-mesa-dri")
+    )
+
+
 def missing_libraries() -> list[Missing]:
-    """The system libraries that cannot be loaded (Linux)."""
+    """The system libraries that cannot be loaded (Linux).
+
+    Raises:
+        InputError: an environment variable has what draws be what it cannot be.
+    """
     missing = {library: package for library, package in LIBRARIES.items() if not _loads(library)}
-    renderer = os.environ.get("MUJOCO_GL", "").strip().lower() or "egl"
+    renderer = settle_renderer()
     if renderer == "egl":
         trouble = egl_trouble()
         if trouble is not None:
@@ -143,17 +213,16 @@ def missing_libraries() -> list[Missing]:
         missing["libOSMesa.so.8 (asked for by MUJOCO_GL=osmesa)"] = "libosmesa6"
     if not missing:
         return []
-    sudo = "" if os.geteuid() == 0 else "sudo "
-    packages = " ".join(missing.values())
-    return [
-        Missing(f"cannot use {', '.join(missing)}", f"{sudo}apt-get update && {sudo}apt-get install -y {packages}"),
-    ]
+    return [Missing(f"cannot use {', '.join(missing)}", _apt(*missing.values()))]
 
 
 def egl_trouble() -> str | None:
     """Why EGL cannot render off screen on any device, or None when it can.
 
     The same calls as MuJoCo's own EGL context makes (EGL_EXT_device_enumeration, EGL_EXT_platform_device).
+
+    Raises:
+        InputError: the environment names a device that there is not, or leads EGL to where there is nothing.
     """
     os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # what Mesa would print is said here, in one line
     keep_triton_apart()
@@ -171,11 +240,27 @@ def egl_trouble() -> str | None:
         return "EGL (it cannot render without a screen)"
     devices, count = (pointer * 32)(), number()
     query(len(devices), devices, ctypes.byref(count))
-    for device in devices[: count.value]:
+    for device in _chosen(devices[: count.value]):
         display = display_of(0x313F, device, None)  # EGL_PLATFORM_DEVICE_EXT
         if display and egl.eglInitialize(display, None, None):
             return None
-    return "EGL (no graphics driver, not even Mesa's software one)"
+    trouble = "no graphics driver, not even Mesa's software one"
+    if isinstance(misled := cannot_draw(f"by EGL: {trouble}"), InputError):
+        raise misled
+    return f"EGL ({trouble})"
+
+
+def _chosen(devices: Sequence[int | None]) -> Sequence[int | None]:
+    """The one of EGL's devices that the environment names, or all of them."""
+    said = os.environ.get(DEVICE, "").strip()
+    if not said:
+        os.environ.pop(DEVICE, None)  # for MuJoCo, nothing is no number
+        return devices
+    if not devices:
+        return devices
+    if not (said.isdecimal() and int(said) < len(devices)):
+        raise InputError(f"is {said!r}; it has to be a number from 0 to {len(devices) - 1}, or unset", key=DEVICE)
+    return devices[int(said) : int(said) + 1]
 
 
 def cuda_devices() -> list[str]:
@@ -208,6 +293,11 @@ def _loads(library: str) -> bool:
     except OSError:
         return False
     return True
+
+
+def _apt(*packages: str) -> str:
+    sudo = "" if os.geteuid() == 0 else "sudo "
+    return f"{sudo}apt-get update && {sudo}apt-get install -y {' '.join(packages)}"
 
 
 def _pip(*what: str) -> str:

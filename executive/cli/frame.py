@@ -72,6 +72,10 @@ def _told(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
             return BAD_INPUT, f"{one_line(error.format_message()).rstrip('.')}; see: {command} --help"
         case OSError(errno=errno.ENOSPC | errno.EDQUOT):
             return BAD_INPUT, f"there is no room to write to: {one_line(str(error))}"
+        case OSError() if error.errno is not None:
+            return BAD_INPUT, f"the system refuses: {one_line(str(error))}"
+        case MemoryError():
+            return BAD_INPUT, "there is not enough memory"
     again = shlex.join(["executive", "--debug", *arguments])
     return BUG, f"this is a bug in Executive: {one_line(f'{type(error).__name__}: {error}')}; traceback: {again}"
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from executive.errors import InputError
-from executive.files import parse_arrays, read_bytes, read_json
+from executive.files import check_writable, parse_arrays, read_bytes, read_json
 from executive.lab.dataset import write_atomically
 from executive.lab.evaluate import EvalConfig, Evaluation
 from executive.lab.metrics import Answers, never_true, scores
@@ -113,6 +113,7 @@ def claimed(folder: Path) -> Iterator[Path]:
             raise InputError("holds something else than an evaluation; choose another folder", file=folder, key="--out")
     except OSError as error:
         raise InputError(f"cannot be made ({error.strerror})", file=folder, key="--out") from None
+    check_writable(folder, "--out")
     try:
         yield folder
     finally:

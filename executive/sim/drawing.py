@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import weakref
 from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
-from executive.errors import MissingError
+from executive.machine import cannot_draw
 from executive.native import keep_triton_apart
 from executive.sim import scene
 from executive.sim.spec import CameraSpec
@@ -29,15 +28,13 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Rend
 
     Raises:
         MissingError: there is no off-screen OpenGL.
+        InputError: the environment leads it astray.
     """
     keep_triton_apart()
     try:
         return mujoco.Renderer(model, height, width)
     except Exception as error:  # mujoco raises whatever its GL binding raises
-        raise MissingError(
-            f"no off-screen OpenGL (MUJOCO_GL={os.environ.get('MUJOCO_GL', '')}): {error}",
-            command="apt-get install libegl1 libgl1 libgl1-mesa-dri",
-        ) from error
+        raise cannot_draw(str(error)) from error
 
 
 class Drawing:
@@ -45,6 +42,7 @@ class Drawing:
 
     Raises:
         MissingError: there is no off-screen OpenGL; at the first picture.
+        InputError: the environment leads it astray.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:

@@ -17,6 +17,7 @@ from typing import IO, TYPE_CHECKING
 from urllib.parse import quote
 
 from executive.errors import ExecutiveError, InputError, MissingError
+from executive.machine import has_display
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -96,11 +97,6 @@ def open_window() -> str:
         return _connected(process, port).url
     except ConnectionError as error:
         raise ViewerError(f"the viewer did not start ({error})") from None
-
-
-def has_display(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> bool:
-    """Whether a window can be opened."""
-    return not platform.startswith("linux") or any(environment.get(key) for key in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
 @contextlib.contextmanager

@@ -193,12 +193,15 @@ def fails(*_: object) -> str:
     raise doctor._TrialError("no driver")
 
 
-@pytest.mark.parametrize(("renderer", "command"), [("", "libgl1-mesa-dri"), ("glfw", "unset MUJOCO_GL")])
+@pytest.mark.parametrize(
+    ("renderer", "command"), [("", "libgl1-mesa-dri"), ("glfw", "unset MUJOCO_GL"), ("elg", "unset MUJOCO_GL")]
+)
 def test_without_opengl_no_run_starts(renderer: str, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "missing_libraries", list)
     monkeypatch.setattr(doctor, "_trial", fails)
     monkeypatch.setenv("MUJOCO_GL", renderer)
-    finding = doctor.opengl()
+    monkeypatch.delenv("DISPLAY", raising=False)
+    finding = doctor._tried("OpenGL", doctor.opengl)
     assert finding.state is State.MISSING
     assert finding.command is not None
     assert finding.command.endswith(command)
@@ -214,9 +217,9 @@ def test_without_vulkan_there_are_no_pictures_of_runs(answer: Any, monkeypatch: 
 
 
 def test_a_display_is_found_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.trace.viewer_process.has_display", lambda: False)
+    monkeypatch.setattr(machine, "has_display", lambda: False)
     assert doctor.display().command == "executive inspect RUN --web"
-    monkeypatch.setattr("executive.trace.viewer_process.has_display", lambda: True)
+    monkeypatch.setattr(machine, "has_display", lambda: True)
     assert doctor.display().state is State.OK
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shlex
 import sys
 from pathlib import Path
@@ -9,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from executive import machine
-from executive.errors import MissingError
+from executive.errors import InputError, MissingError
 
 
 def test_this_machine_has_all_that_the_tests_need() -> None:
@@ -83,7 +85,75 @@ def test_system_libraries_come_with_one_apt_command(monkeypatch: pytest.MonkeyPa
 def test_egl_is_not_asked_for_where_another_renderer_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "egl_trouble", lambda: "EGL")
     monkeypatch.setenv("MUJOCO_GL", "glfw")
+    monkeypatch.setenv("DISPLAY", ":0")
     assert machine.missing_libraries() == []
+
+
+@pytest.fixture
+def blank(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """An environment in which nothing is said of what draws."""
+    for name in (machine.RENDERER, machine.BINDING, machine.DEVICE, "DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.setenv(name, "")
+    return monkeypatch
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="there is more than one renderer on Linux alone")
+@pytest.mark.parametrize("said", ["", "egl", " EGL\t", "osmesa"])
+@pytest.mark.parametrize("binding", ["", "same", " SAME "])
+def test_what_draws_is_written_as_mujoco_and_opengl_read_it(said: str, binding: str, blank: pytest.MonkeyPatch) -> None:
+    renderer = said.strip().lower() or "egl"
+    written = binding.replace("same", renderer).replace("SAME", renderer.upper())
+    blank.setenv(machine.RENDERER, said)
+    blank.setenv(machine.BINDING, written)
+    assert machine.settle_renderer() == renderer
+    assert os.environ[machine.RENDERER] == renderer
+    assert os.environ[machine.BINDING] == written.strip().lower()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="there is more than one renderer on Linux alone")
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        *((machine.RENDERER, said) for said in ("elg", "off", "0", "disable", "wgl", "e g l", "glfw", "glx", "on")),
+        *((machine.BINDING, said) for said in ("glx", "osmesa", "nonsense")),
+    ],
+)
+def test_a_variable_with_which_nothing_can_be_drawn_is_refused_by_name(
+    name: str, said: str, blank: pytest.MonkeyPatch
+) -> None:
+    blank.setenv(name, said)
+    with pytest.raises(InputError, match=re.escape(repr(said))) as raised:
+        machine.require()
+    assert raised.value.key == name
+    assert "install" not in str(raised.value)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL is asked on Linux alone")
+@pytest.mark.parametrize("said", ["x", "99", "-1", "0.5"])
+def test_a_device_that_is_not_there_is_refused_by_name(said: str, blank: pytest.MonkeyPatch) -> None:
+    blank.setenv(machine.DEVICE, said)
+    with pytest.raises(InputError, match=re.escape(repr(said))) as raised:
+        machine.egl_trouble()
+    assert raised.value.key == machine.DEVICE
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL is asked on Linux alone")
+def test_a_device_of_no_name_is_any(blank: pytest.MonkeyPatch) -> None:
+    assert machine.egl_trouble() is None
+    assert machine.DEVICE not in os.environ  # which MuJoCo would take for a number
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("LIBGL_DRIVERS_PATH", InputError), ("GALLIUM_DRIVER", InputError), (None, MissingError)]
+)
+def test_what_may_lead_opengl_astray_is_named_before_anything_is_to_be_installed(
+    name: str | None, kind: type[Exception], blank: pytest.MonkeyPatch
+) -> None:
+    if name is not None:
+        blank.setenv(name, "nonsense")
+    error = machine.cannot_draw("no driver")
+    assert type(error) is kind
+    assert name is None or f"{name}=nonsense" in str(error)
 
 
 def test_everything_missing_is_one_error(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,9 +14,10 @@ import pytest
 from rerun.chunk import RrdReader
 
 from executive.errors import InputError
+from executive.machine import has_display
 from executive.trace.viewer import RerunSink
 from executive.trace.viewer_blueprint import viewpoint
-from executive.trace.viewer_process import TRACE_FILE, has_display, inspect, trace_file
+from executive.trace.viewer_process import TRACE_FILE, inspect, trace_file
 from executive.types import Decision, DecisionKind, Event, FaultInjected, Frame, OutcomeKind, Phase, Scenery
 from tests.executive.trace.synthetic import ITEMS, scenery, synthetic_events
 
