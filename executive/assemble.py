@@ -91,6 +91,10 @@ class Run:
         if self._past is not None:
             self._past.check(self.domain.task)
         injected = parse_faults(self.domain, config.faults)
+        if config.eye is not None:
+            from executive.sim.spec import read_scene
+
+            config.eye.check_cameras([camera.name for camera in read_scene(self.domain.scene).cameras])
         planner = FastDownwardPlanner(self.domain.parsed)
         planner.warm_up()  # meanwhile all else is made
         eye = None
@@ -178,7 +182,7 @@ class Run:
             domain=self.domain.name,
             run=self.folder.name,
             monitor=self.monitor,
-            attention=load_attention(self.domain, self.world),
+            attention=load_attention(self.domain, self.world, () if config.eye is None else config.eye.cameras),
             moves=load_moves(self.domain),
             course=course,
         )
@@ -234,8 +238,8 @@ def load_moves(domain: Domain) -> Mapping[str, Skill]:
     return {name: points[name].load() for name in domain.looking.moves}
 
 
-def load_attention(domain: Domain, world: MujocoWorld) -> Attention:
-    """Where to look for what.
+def load_attention(domain: Domain, world: MujocoWorld, shown: Sequence[str] = ()) -> Attention:
+    """Where to look for what; through the cameras that are `shown` alone, if any are named.
 
     Raises:
         DomainError: the domain names a camera that the scene does not have.
@@ -246,7 +250,8 @@ def load_attention(domain: Domain, world: MujocoWorld) -> Attention:
             if name not in cameras:
                 message = f"the scene has no camera {name!r}; {nearest(name, cameras)}"
                 raise DomainError(message, file=domain.files[0], key=f"looking.{key}")
-    return Attention(looking.closer, looking.carried, looking.guard)
+    attention = Attention(looking.closer, looking.carried, looking.guard)
+    return attention.only(shown) if shown else attention
 
 
 def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:

@@ -7,7 +7,7 @@ product of the objects. What a step changes, needs and leads to does not, so tha
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -36,12 +36,20 @@ class Attention:
     `closer` maps a predicate or an object to the cameras that show it best; an atom goes by its predicate first, then
     by its arguments, and one that has none is best seen by all. `carried` maps an action to the atom that is true
     while its skill carries something: a predicate, and the positions of its arguments among the step's. `guard` are
-    the cameras through which that is watched; none means all.
+    the cameras through which that is watched; none means all. `shown` are the cameras whose pictures are taken at
+    all; none means all.
     """
 
     closer: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     carried: Mapping[str, tuple[str, tuple[int, ...]]] = field(default_factory=lambda: MappingProxyType({}))
     guard: tuple[str, ...] = ()
+    shown: tuple[str, ...] = ()
+
+    def only(self, shown: Sequence[str]) -> Attention:
+        """The same with the pictures of these cameras alone: one that is not among them shows nothing best."""
+        closer = {name: tuple(each for each in best if each in shown) for name, best in self.closer.items()}
+        told = {name: best for name, best in closer.items() if best and len(best) < len(shown)}
+        return replace(self, closer=told, guard=tuple(each for each in self.guard if each in shown), shown=tuple(shown))
 
     def cameras(self, atom: Atom) -> tuple[str, ...]:
         """Those that show best what the atom is about; none where nobody says."""

@@ -80,6 +80,12 @@ def translators() -> Offer:
     return [(name, meanings.get(name, "")) for name in TRANSLATORS]
 
 
+def instructions() -> Offer:
+    from executive.eye import DOMAIN, NONE, PAPER
+
+    return [(DOMAIN, "the domain's own"), (PAPER, "the paper's, for its groceries"), (NONE, "nobody tells it")]
+
+
 def _offered(found: Callable[[], Iterable[tuple[str, str]]]) -> Offer:
     with contextlib.suppress(Exception):
         return list(found())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import os
 import re
 import shlex
 import sys
@@ -152,7 +153,8 @@ def tell_video(
     session: Session, video: Path, frames: Iterable[tuple[float, Image]], every: float, out: Path, as_json: bool
 ) -> bool:
     """Ask about a video frame by frame, print what changes on stdout, and leave a plot and a Rerun recording in the
-    folder `out`; whether there was any answer. What was found before a video breaks off is drawn and recorded, too.
+    folder `out`, which is made if need be; whether there was any answer. What was found before a video breaks off is
+    drawn and recorded, too; where nothing was, no file is left.
 
     Raises:
         InputError: the video breaks off, or the files cannot be written.
@@ -163,7 +165,11 @@ def tell_video(
     chart, told = Chart(), _Changes()
     plot, recording = out / f"{video.stem}-estimate.png", out / f"{video.stem}-estimate.rrd"
     document: list[dict[str, Any]] = []
-    begin, answered = time.perf_counter(), False
+    begin, answered, new = time.perf_counter(), False, not os.path.exists(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be made ({error.strerror})", file=out, key="--out") from None
     try:
         with Film(recording) as film:
             for moment, image, estimate in session.watch(video.name, frames):
@@ -180,6 +186,10 @@ def tell_video(
     finally:
         if chart.times:
             chart.draw(plot)
+        else:
+            recording.unlink(missing_ok=True)
+            if new:
+                out.rmdir()
     if as_json:
         seconds = round(time.perf_counter() - begin, 3)
         files = {"video": str(video), "every": every, "plot": str(plot), "recording": str(recording)}
@@ -188,6 +198,19 @@ def tell_video(
     else:
         print(f"\nplot: {plot}\nrecording: {recording} (to play it: rerun {shlex.quote(str(recording))})")
     return answered
+
+
+def check_out(out: Path) -> None:
+    """Whether there is, or can be made, a folder for a video's plot and recording: known before a model is loaded.
+
+    Raises:
+        InputError: there is something else in its place, or in its way.
+    """
+    there = next(folder for folder in (out, *out.absolute().parents) if os.path.lexists(folder))
+    if not os.path.isdir(there):
+        raise InputError("is no folder", file=there, key="--out")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError("may not be written to", file=there, key="--out")
 
 
 class _Changes:

@@ -7,7 +7,7 @@ What the commands `run` and `estimate` have in common. Everything that is built 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from executive.domain import Subject
 from executive.errors import InputError, nearest
 from executive.files import home
 from executive.s3e import (
+    LEAST_MASS,
     S3E,
     Backend,
     LanguageModel,
@@ -28,9 +29,13 @@ from executive.s3e import (
 )
 from executive.s3e.calibration import FILE, Calibration
 from executive.s3e.chat import ChatServer, base_url
+from executive.s3e.prompts import GROCERY_INSTRUCTIONS
 from executive.types import Questions
 
 TRANSLATORS = ("templates", "llm", "none")
+
+DOMAIN, PAPER, NONE = "domain", "paper", "none"
+"""What `--instructions` says: those of the domain, those of the paper, none; anything else is a file."""
 
 SHIPPED = Path(__file__).parent / "models"
 """Where the models are that come with Executive: `grocery-eye` for the domain grocery."""
@@ -50,20 +55,28 @@ class EyeConfig:
     the address of an OpenAI-compatible server, it is the name of a model there (without one, the only one there).
     `translator` words the questions: the domain's templates, a language model (`llm`: a folder, a hub id, or a
     model's name at the server; without one, the model at the server that looks), or nobody. `instructions` says
-    whether the model is told how things look, as far as the domain says it. `per_image` asks about each picture on
-    its own. `calibration` is a file that corrects probabilities; without it, the one beside the model's folder, if
-    there is any.
+    whether the model is told how things look, as far as the domain says it, or who says it instead: "paper" (for its
+    groceries, Appendix E.3), or a file. `per_image` asks about each picture on its own, `cameras` are those whose
+    pictures the model is shown, in this order; without any, all are. Without `abstention`, yes over yes and no is the
+    probability however little is on either. `calibration` is a file that corrects probabilities; without it, the one
+    beside the model's folder, if there is any.
     """
 
     vlm: str | None = None
     server: str | None = None
     translator: str = "templates"
     llm: str | None = None
-    instructions: bool = True
+    instructions: bool | str = True
     per_image: bool = False
     calibration: Path | None = None
+    cameras: tuple[str, ...] = ()
+    abstention: bool = True
 
     def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "instructions", {DOMAIN: True, NONE: False}.get(str(self.instructions), self.instructions)
+        )
+        object.__setattr__(self, "cameras", tuple(dict.fromkeys(self.cameras)))
         if self.translator not in TRANSLATORS:
             hint = nearest(self.translator, TRANSLATORS)
             raise InputError(f"no translator {self.translator!r}; {hint}", key="--translator")
@@ -73,6 +86,36 @@ class EyeConfig:
             raise InputError("goes with --translator llm", key="--llm")
         if self.translator == "llm" and self.llm is None and self.server is None:
             raise InputError("needs --llm with a language model's folder or id", key="--translator llm")
+
+    def words(self) -> list[str]:
+        """What is said of it on a command line."""
+        told = self.instructions if isinstance(self.instructions, str) else None
+        options = {
+            "--vlm": self.vlm,
+            "--server": self.server,
+            "--translator": self.translator if self.translator != "templates" else None,
+            "--llm": self.llm,
+            "--instructions": told,
+            "--cameras": ",".join(self.cameras) or None,
+            "--calibration": self.calibration,
+        }
+        flags = {
+            "--no-instructions": self.instructions is False,
+            "--per-image": self.per_image,
+            "--no-abstention": not self.abstention,
+        }
+        said = [word for name, value in options.items() if value is not None for word in (name, str(value))]
+        return [*said, *(flag for flag, given in flags.items() if given)]
+
+    def check_cameras(self, there: Collection[str]) -> None:
+        """Whether there are the cameras that are to be shown.
+
+        Raises:
+            InputError: there is no such camera.
+        """
+        for name in self.cameras:
+            if name not in there:
+                raise InputError(f"there is no camera {name!r}; {nearest(name, there)}", key="--cameras")
 
 
 def shipped(name: str) -> Path | None:
@@ -108,13 +151,16 @@ def open_eye(config: EyeConfig, subject: Subject, load: Callable[[str], Backend]
     # What costs little and can be wrong comes first.
     config = settled(config, subject)
     calibration = load_calibration(config)
+    instructions(config, subject)
     server = None if config.server is None else ChatServer(config.server, config.vlm)
     questions = word_questions(config, subject, server)
     backend, odd = _backend(config, server, load)
     return S3E(
         backend,
         replace(questions, warnings=(*questions.warnings, odd)) if odd else questions,
+        cameras=config.cameras or None,
         views=Views.AVERAGED if config.per_image else Views.TOGETHER,
+        least_mass=LEAST_MASS if config.abstention else 0.0,
         calibrate=calibration,
     )
 
@@ -148,9 +194,27 @@ def word_questions(config: EyeConfig, subject: Subject, server: ChatServer | Non
         else:
             writer = _writer(config, server)
             questions = LanguageModel(writer, domain, templates, cache=cache_folder()).translate(task)
-    if config.instructions and subject.instructions is not None:
-        questions = instruct(questions, load_instructions(subject.instructions))
-    return questions
+    told = instructions(config, subject)
+    return instruct(questions, told) if told else questions
+
+
+def instructions(config: EyeConfig, subject: Subject) -> str:
+    """What the model is told of how things look; "" for nothing.
+
+    Raises:
+        InputError: there is no such file, or a damaged one.
+    """
+    match config.instructions:
+        case str(name) if name == PAPER:
+            return GROCERY_INSTRUCTIONS
+        case str(name):
+            if not os.path.isfile(home(name)):
+                hint = nearest(name, (DOMAIN, PAPER, NONE))
+                raise InputError(f"there is no file {name!r}; or, of the words: {hint}", key="--instructions")
+            return load_instructions(home(name))
+        case True if subject.instructions is not None:
+            return load_instructions(subject.instructions)
+    return ""
 
 
 def cache_folder() -> Path:

@@ -112,7 +112,7 @@ class Looker:
     def glance(self, atom: Atom) -> Belief:
         """Ask about one atom in the middle of a skill."""
         began = time.monotonic()
-        observation = self._world.observe(f"is {atom} so?", self._attention.guard or None)
+        observation = self._world.observe(f"is {atom} so?", self._attention.guard or self._attention.shown or None)
         self._session.emit(observation)
         images = self._trusted(observation)
         belief = self._ask(observation, images, [atom])
@@ -136,7 +136,8 @@ class Looker:
         for cameras, atoms in groups.items():  # a camera that tells nothing does not show best what it looks at
             close.setdefault(tuple(camera for camera in cameras if camera not in self._useless), []).extend(atoms)
         with self._session.stage("observe"):
-            wanted = None if () in close else {camera for cameras in close for camera in cameras}
+            every = self._attention.shown or None
+            wanted = every if () in close else {camera for cameras in close for camera in cameras}
             observation = self._world.observe(cause, wanted)
         self._session.emit(observation)
         good = self._trusted(observation)

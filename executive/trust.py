@@ -276,6 +276,9 @@ def _reading(said: _Reading) -> Reading:
 
 def _read(file: Path) -> _Document:
     said = read_json(file, largest=_LARGEST)
+    if isinstance(said, dict) and {"shared", "method"} & said.keys():
+        message = "corrects probabilities, and says nothing of trust: it is for --calibration"
+        raise InputError(message, file=file)
     try:
         document = _Document.model_validate(said)
     except ValidationError as error:

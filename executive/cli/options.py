@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from executive import completion
+from executive.errors import InputError
+
+if TYPE_CHECKING:
+    from executive.eye import EyeConfig
 
 
 def _problems(ctx: typer.Context) -> completion.Offer:
@@ -37,6 +42,52 @@ TranslatorName = Annotated[
     typer.Option(help="Who words the questions: templates, llm or none.", autocompletion=completion.translators),
 ]
 LanguageModel = Annotated[str | None, typer.Option(help="The language model for --translator llm.")]
-Instructions = Annotated[bool, typer.Option("--instructions/--no-instructions", help="Tell it how things look.")]
+Instructions = Annotated[
+    str | None,
+    typer.Option(
+        help="Who tells it how things look: domain (if not given), paper (for the paper's groceries), none, or a file.",
+        autocompletion=completion.instructions,
+    ),
+]
+NoInstructions = Annotated[bool, typer.Option("--no-instructions", help="The same as --instructions none.")]
 PerImage = Annotated[bool, typer.Option("--per-image", help="Ask about each picture alone, and average.")]
+Cameras = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Show it the pictures of these cameras alone, such as front (the paper's way); front,hand for two."
+    ),
+]
+Abstention = Annotated[
+    bool,
+    typer.Option(
+        "--abstention/--no-abstention",
+        help="Leave open what it puts little on yes and no for; without, yes / (yes + no) always (the paper's way).",
+    ),
+]
 CalibrationFile = Annotated[Path | None, typer.Option(help="A file that corrects the probabilities.")]
+
+
+def eye_config(
+    vlm: str | None,
+    server: str | None,
+    translator: str,
+    llm: str | None,
+    instructions: str | None,
+    no_instructions: bool,
+    per_image: bool,
+    cameras: Sequence[str] | None,
+    abstention: bool,
+    calibration: Path | None,
+) -> EyeConfig:
+    """What these options come to.
+
+    Raises:
+        InputError: they do not go together.
+    """
+    from executive.eye import NONE, EyeConfig
+
+    if no_instructions and instructions not in (None, NONE):
+        raise InputError(f"does not go with --instructions {instructions}", key="--no-instructions")
+    shown = tuple(name.strip() for names in cameras or () for name in names.split(","))
+    told = NONE if no_instructions else True if instructions is None else instructions
+    return EyeConfig(vlm, server, translator, llm, told, per_image, calibration, shown, abstention)

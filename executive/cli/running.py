@@ -18,16 +18,20 @@ from executive import completion
 from executive.cli import streams
 from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, one_line
 from executive.cli.options import (
+    Abstention,
     CalibrationFile,
+    Cameras,
     DomainName,
     Instructions,
     LanguageModel,
     Model,
+    NoInstructions,
     PerImage,
     ProblemName,
     RunName,
     Server,
     TranslatorName,
+    eye_config,
 )
 from executive.errors import InputError
 from executive.files import reason
@@ -52,8 +56,11 @@ def run(
     server: Server = None,
     translator: TranslatorName = "templates",
     llm: LanguageModel = None,
-    instructions: Instructions = True,
+    instructions: Instructions = None,
+    no_instructions: NoInstructions = False,
     per_image: PerImage = False,
+    cameras: Cameras = None,
+    abstention: Abstention = True,
     calibration: CalibrationFile = None,
     alpha: Annotated[
         float | None, typer.Option(help="Tell something wrongly in at most this share of looks; doubt the rest.")
@@ -109,7 +116,9 @@ def run(
     if view and not viewer:
         raise InputError("shows what the trace holds; it does not go with --no-trace-viewer", key="--view")
     broken = (*(fault or ()), *(read_faults(faults) if faults is not None else ()))
-    eye = EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration)
+    eye = eye_config(
+        vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
+    )
     config = assemble.RunConfig(
         domain=domain,
         problem=problem,

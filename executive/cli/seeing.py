@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -14,15 +13,19 @@ import typer
 from executive import completion
 from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, one_line
 from executive.cli.options import (
+    Abstention,
     CalibrationFile,
+    Cameras,
     DomainName,
     Instructions,
     LanguageModel,
     Model,
+    NoInstructions,
     PerImage,
     ProblemName,
     Server,
     TranslatorName,
+    eye_config,
 )
 from executive.errors import InputError
 
@@ -49,24 +52,32 @@ def estimate(
     server: Server = None,
     translator: TranslatorName = "templates",
     llm: LanguageModel = None,
-    instructions: Instructions = True,
+    instructions: Instructions = None,
+    no_instructions: NoInstructions = False,
     per_image: PerImage = False,
+    cameras: Cameras = None,
+    abstention: Abstention = True,
     calibration: CalibrationFile = None,
     out: Annotated[Path, typer.Option(help="The folder for a video's plot and recording.")] = Path("."),
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON, with the prompts.")] = False,
 ) -> int:
     """Say how probable each atom of a domain is, judging by pictures or a video."""
     from executive import estimate as estimating
-    from executive.eye import EyeConfig
     from executive.s3e.video import read_frames
 
     if bool(image) == (video is not None):
         raise InputError("pass pictures with --image, or a video with --video", key="estimate")
     images = estimating.read_images(image or [])
     frames = read_frames(video, every) if video is not None else iter(())
-    config = EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration)
-    if not os.path.isdir(out):
-        raise InputError("there is no such folder", file="--out", key=str(out))
+    config = eye_config(
+        vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
+    )
+    if video is None:
+        config.check_cameras(images)
+    elif cameras:
+        raise InputError("chooses among several pictures; a video has one", key="--cameras")
+    else:
+        estimating.check_out(out)
     session = estimating.Session(domain, problem, config, atoms or (), question or ())
     for warning in session.warnings:
         print(f"warning: {one_line(warning)}", file=sys.stderr)
@@ -119,8 +130,11 @@ def evaluate(
     server: Server = None,
     translator: TranslatorName = "templates",
     llm: LanguageModel = None,
-    instructions: Instructions = True,
+    instructions: Instructions = None,
+    no_instructions: NoInstructions = False,
     per_image: PerImage = False,
+    cameras: Cameras = None,
+    abstention: Abstention = True,
     calibration: CalibrationFile = None,
     looks: Annotated[int | None, typer.Option(min=1, help="Only the first ones.")] = None,
     paraphrases: Annotated[Path | None, typer.Option(help="A file with other wordings of the questions.")] = None,
@@ -139,14 +153,15 @@ def evaluate(
     as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
 ) -> int:
     """Measure how well a model sees, on collected pictures (Experiment 1 of the paper), and write a report."""
-    from executive.eye import EyeConfig
     from executive.lab import evaluation_report as reporting
     from executive.lab import evaluation_store as store
     from executive.lab.evaluate import EvalConfig, Evaluator
     from executive.lab.progress import told
     from executive.trace.console import waiting
 
-    eye = EyeConfig(vlm, server, translator, llm, instructions, per_image, calibration)
+    eye = eye_config(
+        vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
+    )
     config = EvalConfig(domain, data, eye, problem, looks, paraphrases, rename, tuple(disturb or ()), seed)
     others = [store.load(folder) for folder in beside or ()]
     with store.claimed(out or store.default_folder(config)) as folder:

@@ -66,15 +66,9 @@ class EvalConfig:
     @property
     def command(self) -> str:
         """The command that does the same again."""
-        eye = self.eye
         words = ["executive", "eval", self.domain, str(self.data)]
         options = {
             "--problem": self.problem,
-            "--vlm": eye.vlm,
-            "--server": eye.server,
-            "--translator": eye.translator if eye.translator != "templates" else None,
-            "--llm": eye.llm,
-            "--calibration": eye.calibration,
             "--looks": self.looks,
             "--paraphrases": self.paraphrases,
             "--seed": self.seed or None,
@@ -82,12 +76,7 @@ class EvalConfig:
         for name, value in options.items():
             words += [name, str(value)] if value is not None else []
         words += [word for spec in self.disturb for word in ("--disturb", spec)]
-        flags = {
-            "--no-instructions": not eye.instructions,
-            "--per-image": eye.per_image,
-            "--no-rename": not self.rename,
-        }
-        return shlex.join([*words, *(flag for flag, given in flags.items() if given)])
+        return shlex.join([*words, *self.eye.words(), *([] if self.rename else ["--no-rename"])])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,6 +115,7 @@ class Evaluator:
         disturbance = Disturbance.parse(config.disturb)
         # What costs little and can be wrong comes first.
         self._manifest = dataset.read_manifest(config.data)
+        config.eye.check_cameras(self._manifest["cameras"])
         domain = load_domain(config.domain, config.problem) if disturbance.redraws else None
         self.subject = subject = domain.subject if domain else load_subject(config.domain, config.problem)
         self._check_atoms()
@@ -202,7 +192,8 @@ class Evaluator:
         """The evaluation's name, and everything that decided it."""
         config, collection = self.config, self._manifest["collection"]
         at_home = bool(collection.get("home_pose", True))
-        instructed = config.eye.instructions and self.subject.instructions is not None
+        told = config.eye.instructions
+        instructed = told if isinstance(told, str) else told and self.subject.instructions is not None
         model = self.eye.backend.name
         about = {
             "domain": self.subject.name,
@@ -213,6 +204,8 @@ class Evaluator:
             "translator": config.eye.translator,
             "instructions": instructed,
             "per_image": config.eye.per_image,
+            "cameras": list(config.eye.cameras or self._manifest["cameras"]),
+            "abstention": config.eye.abstention,
             "paraphrases": config.paraphrases.name if config.paraphrases is not None else None,
             "rename": config.rename,
             "disturb": list(config.disturb),
@@ -262,6 +255,7 @@ def row_name(model: str, about: Mapping[str, Any]) -> str:
     """What the paper's tables would call it: `72B (no trans) + Instruct + Pose`."""
     odd = ["no trans"] if about["translator"] == "none" else []
     odd += ["one by one"] if about["per_image"] else []
+    odd += [about["instructions"]] if isinstance(about["instructions"], str) else []
     odd += ["paraphrased" if about["rename"] else "paraphrased, same names"] if about["paraphrases"] else []
     odd += about["disturb"]
     first = f"{model} ({', '.join(odd)})" if odd else model

@@ -55,7 +55,11 @@ def _about(document: Mapping[str, Any]) -> str:
     pose = "with the home pose" if data["home_pose"] else "without the home pose"
     seed = "" if data["seed"] is None else f" (seed {data['seed']})"
     said = [f"{document['looks']} looks of {data['folder']}{seed}, {pose}"]
-    said += ["with instructions" if about["instructions"] else "without instructions"]
+    told = about["instructions"]
+    whose = f" ({told})" if isinstance(told, str) else ""
+    said += [f"with instructions{whose}" if told else "without instructions"]
+    said += [f"cameras: {', '.join(about['cameras'])}"] if "cameras" in about else []  # older ones do not say
+    said += [] if about.get("abstention", True) else ["always answered"]
     said += {"templates": ["questions from templates"], "llm": ["questions worded by a language model"]}.get(
         about["translator"], ["no translation"]
     )

@@ -132,6 +132,9 @@ class Calibration:
         """
         file = _file(path)
         document = _read(file)
+        if "domains" in document:
+            message = "says how far a model is to be trusted, and corrects nothing: it is for executive run --trust"
+            raise InputError(message, file=file)
         valid = ("about", "format", "model", "method", "shared", "predicates")
         for key in document:
             if key not in valid:

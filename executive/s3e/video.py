@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 from collections.abc import Iterator
@@ -31,10 +32,11 @@ def read_frames(path: Path | str, every: float) -> Iterator[tuple[float, Image]]
     """The frames of a video that are shown at 0, `every`, 2 `every` ... seconds, or next after: seconds since the first
     frame, and the picture, (H, W, 3) uint8 RGB, upright.
 
-    The file is opened at once and read as frames are asked for.
+    The file is opened at once, its first frame read, and the others as they are asked for.
 
     Raises:
-        InputError: there is no such file, it is no video, or it breaks off (once the frames before have been given).
+        InputError: there is no such file, it is no video, it has no frames, or it breaks off (once the frames before
+            have been given).
         MissingError: PyAV is not installed.
     """
     file = Path(path)
@@ -53,7 +55,8 @@ def read_frames(path: Path | str, every: float) -> Iterator[tuple[float, Image]]
         container = av.open(str(file), options={"format_whitelist": FORMATS}, metadata_errors="ignore")
     except (av.FFmpegError, ValueError, OSError) as error:
         raise InputError(f"is no video ({_reason(error)})", file=file) from None
-    return _sampled(container, file, every)
+    frames = _sampled(container, file, every)
+    return itertools.chain([next(frames)], frames)
 
 
 def _sampled(container: av.container.InputContainer, file: Path, every: float) -> Iterator[tuple[float, Image]]:

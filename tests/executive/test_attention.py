@@ -63,6 +63,19 @@ def test_an_atom_is_shown_best_by_the_cameras_of_its_predicate_else_of_its_argum
     }
 
 
+@given(st.sets(st.sampled_from(["hand", "left", "top", "side", "front"]), min_size=1))
+def test_through_some_cameras_alone_nothing_is_shown_by_others(shown: set[str]) -> None:
+    attention = Attention(closer={"held": ("hand",), "q": ("left", "top"), "a": ("side",)}, guard=("front", "hand"))
+    only = attention.only(sorted(shown))
+    assert set(only.shown) == shown
+    assert {camera for best in only.closer.values() for camera in best} | set(only.guard) <= shown
+    assert only.closer == {
+        name: tuple(each for each in best if each in shown)
+        for name, best in attention.closer.items()
+        if shown & set(best) and not shown <= set(best)
+    }, "what all of them show is shown best by none"
+
+
 def test_what_is_carried_is_known_of_the_actions_that_say_so() -> None:
     assert WATCHED.held(pick("a", "p")) == WATCHED.held(put("a", "q")) == held("a")
     assert Attention().held(pick("a", "p")) is None

@@ -18,11 +18,13 @@ from PIL import Image as Picture
 from executive import cli, eye
 from executive.domain import load_subject
 from executive.errors import InputError
-from executive.estimate import choose, read_images
+from executive.estimate import Session, choose, read_images, tell_video
+from executive.eye import EyeConfig
 from executive.s3e.calibration import Calibration, Scaling
 from executive.s3e.chat import KEY
-from executive.s3e.prompts import QUESTION_ANSWERING
+from executive.s3e.prompts import GROCERY_INSTRUCTIONS, QUESTION_ANSWERING
 from executive.s3e.server import data_url
+from executive.s3e.video import read_frames
 from executive.types import Atom
 from tests.executive.estimating import ANSWER, GROCERY, LEMON, Estimate, estimating, printed, say, write_pictures
 from tests.executive.s3e.chat_server import ChatServerUnderTest, Request, Response, as_json, completion, serving
@@ -141,6 +143,31 @@ def test_without_instructions_the_model_is_told_the_papers_prompt_alone(
 ) -> None:
     assert estimate(*LEMON, "--image", pictures[0], "--no-instructions", "--json") == 0
     assert printed(capsys)["system_prompt"] == QUESTION_ANSWERING
+
+
+def test_the_papers_settings(
+    estimate: Estimate,
+    pictures: list[Path],
+    server: ChatServerUnderTest,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """One picture, the paper's own words of how things look, and an answer to whatever there is of one."""
+    own = tmp_path / "own.md"
+    own.write_text("All is dark.")
+    shown = [word for file in pictures for word in ("--image", file)]
+    for told, said in (("paper", GROCERY_INSTRUCTIONS), (own, "All is dark."), ("none", ""), ("domain", "lemon is")):
+        before = len(server.requests)
+        settings = ("--cameras", "light", "--no-abstention", "--instructions", told)
+        assert estimate(*LEMON, *shown, *settings, "--json") == 0
+        document = printed(capsys)
+        assert document["system_prompt"].startswith(QUESTION_ANSWERING)
+        assert said in document["system_prompt"]
+        assert (document["system_prompt"] == QUESTION_ANSWERING) == (told == "none")
+        assert {image.mean() for request in server.requests[before:] for image in request.images} == {255}
+        faint = document["atoms"]["robot-gripper-empty()"]
+        assert (faint["probability"], faint["answered"]) == (0.5, True)
+        assert faint["yes_mass"] == pytest.approx(0.05)
 
 
 def test_without_translation_predicates_are_shown_and_true_or_false_asked_for(
@@ -300,7 +327,8 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_video_is_estimated_frame_after_frame(
     estimate: Estimate, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert estimate(*LEMON, "--video", clip, "--every", "0.5", "--out", tmp_path, "--json") == 0
+    out = tmp_path / "made" / "for it"
+    assert estimate(*LEMON, "--video", clip, "--every", "0.5", "--out", out, "--json") == 0
     document = printed(capsys)
     heads = {"model", "system_prompt", "video", "every", "plot", "recording", "seconds", "frames"}
     assert set(document) == heads
@@ -312,7 +340,32 @@ def test_a_video_is_estimated_frame_after_frame(
     with Picture.open(document["plot"]) as plot:
         assert plot.format == "PNG"
     assert Path(document["recording"]).stat().st_size > 10_000
-    assert {path.name for path in tmp_path.iterdir()} == {"a clip-estimate.png", "a clip-estimate.rrd"}
+    assert {path.name for path in out.iterdir()} == {"a clip-estimate.png", "a clip-estimate.rrd"}
+
+
+def test_a_video_without_frames_leaves_nothing_behind(
+    estimate: Estimate, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    empty = write_video(tmp_path / "empty.avi", greys(2))
+    whole = empty.read_bytes()
+    empty.write_bytes(whole[: whole.index(b"movi") + 4])  # the frames come after this word
+    assert estimate(*LEMON, "--video", empty, "--out", tmp_path / "out") == 2
+    assert one_error_line(capsys).endswith("empty.avi: has no frames")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_video_of_which_nothing_was_found_leaves_nothing_behind(
+    server: ChatServerUnderTest, clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = Session("grocery", "one-item", EyeConfig(server=server.url))
+
+    def interrupted(self: Session, images: object) -> Estimate:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Session, "look", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        tell_video(session, clip, read_frames(clip, 0.5), 0.5, tmp_path / "out", as_json=False)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_person_sees_what_changes(

@@ -57,7 +57,20 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["--image", "{here}"], "is a folder; wanted a picture"),
         (["--video", "{here}/text.png"], "text.png: is no video"),
         (["--video", "{clip}", "--every", "0"], "--every: expected seconds"),
-        (["--video", "{clip}", "--out", "{here}/nowhere"], "--out: "),
+        (["--video", "{clip}", "--out", "{dark}"], "dark.png: --out: is no folder"),
+        (["--video", "{clip}", "--out", "{dark}/below"], "dark.png: --out: is no folder"),
+        (["--video", "{clip}", "--cameras", "front"], "--cameras: chooses among several pictures"),
+        (["--image", "{dark}", "--cameras", "light"], "--cameras: there is no camera 'light'; valid: dark"),
+        (
+            ["--image", "{dark}", "--instructions", "papr"],
+            "there is no file 'papr'; or, of the words: did you mean 'paper'?",
+        ),
+        (["--image", "{dark}", "--instructions", "paper", "--no-instructions"], "--no-instructions: does not go with"),
+        (["--image", "{dark}", "--instructions", "{here}/empty.png"], "empty.png: is empty"),
+        (
+            ["--image", "{dark}", "--calibration", "{here}/trust.json"],
+            "trust.json: says how far a model",
+        ),
         (["--image", "{dark}", "--translator", "lmm"], "--translator: no translator 'lmm'; did you mean 'llm'?"),
         (["--image", "{dark}", "--llm", "writer"], "--llm: goes with --translator llm"),
         (["--image", "{dark}", "--problem", "breakfst"], "did you mean 'breakfast'?"),
@@ -77,6 +90,7 @@ def test_what_is_wrong_is_one_line(
 ) -> None:
     (tmp_path / "empty.png").touch()
     (tmp_path / "text.png").write_text("hello, I am no picture")
+    (tmp_path / "trust.json").write_text('{"format": 1, "domains": {}}')
     filled = [each.format(dark=pictures[0], here=tmp_path, clip=clip) for each in arguments]
     assert estimate(*filled) == 2
     assert said in one_error_line(capsys)

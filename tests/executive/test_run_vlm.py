@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
 import threading
 import tomllib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from executive import cli
-from executive.assemble import Run, RunConfig
+from executive.assemble import Run, RunConfig, read_config
 from executive.errors import InputError
 from executive.eye import EyeConfig
 from executive.protocols import Asking
+from executive.replay.beside import compare_run
 from executive.s3e.chat import KEY
+from executive.s3e.prompts import GROCERY_INSTRUCTIONS
 from executive.trace.report import Summary
-from executive.types import Belief, Dispatched, Ended, Observation, OutcomeKind, Questions, Started
+from executive.types import Belief, Dispatched, Ended, Looked, Observation, OutcomeKind, Questions, Started
 from tests.executive.s3e.chat_server import Request, Response, completion, serving
 from tests.executive.s3e.checkpoints import build
 from tests.executive.sim.stage import ROOT
@@ -62,7 +66,7 @@ def seen(tmp_path: Path) -> Iterator[Callable[..., tuple[Run, Recorder]]]:
     def prepare(eye: EyeConfig, **options: Any) -> tuple[Run, Recorder]:
         recorder = Recorder()
         settings = {"estimator": "vlm", "runs": tmp_path / "runs", "viewer": False, "name": "x", "max_actions": 8}
-        made.append(Run(RunConfig(str(TRAY), eye=eye, **{**settings, **options}), [recorder]))
+        made.append(Run(RunConfig(**{"domain": str(TRAY), "eye": eye, **settings, **options}), [recorder]))
         return made[-1], recorder
 
     yield prepare
@@ -103,11 +107,46 @@ def test_a_model_that_sees_well_reaches_the_goal_through_a_server(
         "translator": "templates",
         "instructions": True,
         "per_image": False,
+        "cameras": [],
+        "abstention": True,
     }
     assert sent == {f"Bearer {SECRET}"}
     files = [file for file in run.folder.rglob("*") if file.is_file()]
     assert len(files) > 5
     assert not [file for file in files if SECRET.encode() in file.read_bytes()]
+
+
+def test_the_papers_settings_decide_what_is_asked_and_are_kept(
+    seen: Callable[..., tuple[Run, Recorder]],
+) -> None:
+    """One camera, the paper's own instructions, and an answer to whatever there is of one. What reads the run's
+    configuration again goes on like that."""
+    judge = Judge()
+    eye = EyeConfig(cameras=("front",), abstention=False, instructions="paper")
+
+    def faint(request: Request) -> Response:
+        told = json.loads(judge(request).body)["choices"][0]["logprobs"]["content"][0]["top_logprobs"]
+        return completion({"Hm": 0.9, **{top["token"]: math.exp(top["logprob"]) / 10 for top in told}})
+
+    with serving(faint) as server:
+        run, recorder = seen(replace(eye, server=server.url), domain="grocery", problem="one-item", max_actions=1)
+        judge.run = run
+        run.execute()
+        (questions,) = of(recorder, Questions)
+        assert questions.system.endswith(GROCERY_INSTRUCTIONS)
+        assert {request.system for request in server.requests if request.images} == {questions.system}
+    assert len(of(recorder, Dispatched)) == 1
+    assert set(judge.pictures) == {1}
+    shown = {camera for observation in of(recorder, Observation) for camera in observation.images}
+    assert shown == {"front"} == {camera for looked in of(recorder, Looked) for camera in looked.cameras}
+    assert read_config(run.folder).eye == replace(eye, server=server.url)
+    compared = compare_run(run.folder)
+    assert compared.replays[0].decisions == compared.records[0].decisions
+
+
+def test_a_camera_that_is_none_is_one_line(seen: Callable[..., tuple[Run, Recorder]]) -> None:
+    with pytest.raises(InputError, match="--cameras: there is no camera 'fornt'; did you mean 'front'"):
+        seen(EyeConfig(server="http://127.0.0.1:9", cameras=("fornt",)))
 
 
 @pytest.mark.parametrize("after", [0, 1])
@@ -173,10 +212,12 @@ def test_every_option_reaches_the_configuration(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr(FakeRun, "meanwhile", staticmethod(ends(OutcomeKind.GOAL_REACHED)))
     line = (
         "run grocery --quiet --estimator vlm --vlm seer --server http://127.0.0.1:9/v1 --translator llm --llm writer "
-        f"--no-instructions --per-image --calibration {tmp_path / 'correction.json'}"
+        f"--no-instructions --per-image --calibration {tmp_path / 'correction.json'} --cameras front,left "
+        "--cameras hand --no-abstention"
     )
     assert cli.exit_code(shlex.split(line)) == 0
-    eye = EyeConfig("seer", "http://127.0.0.1:9/v1", "llm", "writer", False, True, tmp_path / "correction.json")
+    corrected, shown = tmp_path / "correction.json", ("front", "left", "hand")
+    eye = EyeConfig("seer", "http://127.0.0.1:9/v1", "llm", "writer", False, True, corrected, shown, False)
     assert FakeRun.last.config == RunConfig("grocery", estimator="vlm", eye=eye)
 
 

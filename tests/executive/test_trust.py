@@ -19,6 +19,7 @@ from executive.monitor import EXACT, ActionModel, Chances, Eye, FusedMonitor, Gr
 from executive.monitor.conformal import covered
 from executive.monitoring import MonitorConfig, open_monitor
 from executive.mutex import Mutexes
+from executive.s3e.calibration import Calibration, Scaling
 from executive.trust import FILE, fit, load, load_outcomes, save
 from executive.types import Atom, Belief, SkillStatus
 from tests.executive.monitor.hands import ATOMS, FLOOR, HAND, NETWORK, PLACES, THINGS, truth
@@ -160,6 +161,12 @@ def test_a_file_that_is_not_there_or_cannot_be_written_is_named(tmp_path: Path) 
     (tmp_path / "in-the-way").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         save(tmp_path / "in-the-way" / "trust.json", "d", fit(flipping(10, 1, 0.1, 0.1), NETWORK))
+
+
+def test_a_calibration_is_called_what_it_is(tmp_path: Path) -> None:
+    file = Calibration(Scaling(2.0, 1.0)).save(tmp_path)
+    with pytest.raises(InputError, match="corrects probabilities, and says nothing of trust: it is for --calibration"):
+        load(file, "grocery")
 
 
 @pytest.mark.parametrize(

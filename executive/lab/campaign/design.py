@@ -117,7 +117,7 @@ class Campaign:
         contenders = {
             str(who): {
                 "estimator": who.kind,
-                "eye": None if who.eye is None else _named(encode(who.eye)),
+                "eye": None if who.eye is None else _named(_told(encode(who.eye))),
                 "model": who.model,
                 "monitor": None if who.kind == "none" else _named(encode(who.judge)),
                 "options": dict(who.options),
@@ -135,5 +135,13 @@ class Campaign:
 
 def _named(options: dict[str, Any]) -> dict[str, Any]:
     """Options with the names of files and folders alone: where they lie makes no difference."""
-    paths = {key: Path(value) for key in ("vlm", "calibration", "trust") if (value := options.get(key)) is not None}
+    told = {key: options.get(key) for key in ("vlm", "calibration", "trust", "instructions")}
+    paths = {key: Path(value) for key, value in told.items() if isinstance(value, str)}
     return {**options, **{key: path.name for key, path in paths.items() if os.path.exists(path)}}
+
+
+def _told(eye: dict[str, Any]) -> dict[str, Any]:
+    """What an eye's options are, without those that came later and say nothing: a campaign that was begun before is
+    still the same."""
+    later: dict[str, Any] = {"cameras": [], "abstention": True}
+    return {key: value for key, value in eye.items() if key not in later or value != later[key]}

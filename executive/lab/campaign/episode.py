@@ -204,13 +204,10 @@ def command(config: RunConfig) -> str:
         "--no-memory": not judge.memory,
         "--no-guard": not config.guard,
     }
-    if eye is not None:
-        options |= {"--vlm": eye.vlm, "--server": eye.server, "--llm": eye.llm, "--calibration": eye.calibration}
-        options["--translator"] = eye.translator if eye.translator != "templates" else None
-        flags |= {"--no-instructions": not eye.instructions, "--per-image": eye.per_image}
     for name, value in options.items():
         words += [name, str(value)] if value is not None else []
     words += [word for spec in config.faults for word in ("--fault", spec)]
+    words += [] if eye is None else eye.words()
     return shlex.join([*words, *(flag for flag, given in flags.items() if given)])
 
 

@@ -90,9 +90,11 @@ class _Estimator(_Table):
     server: str | None = None
     translator: str = "templates"
     llm: str | None = None
-    instructions: bool = True
+    instructions: bool | str = True
     per_image: bool = False
     calibration: str | None = None
+    cameras: list[str] = []
+    abstention: bool = True
 
 
 class _Monitor(_Table):
@@ -225,6 +227,9 @@ class _Reader:
             return None, ""
         if said.vlm is not None and said.server is None:
             options["vlm"] = str(self._beside(said.vlm))
+        if isinstance(said.instructions, str):
+            options["instructions"] = str(self._beside(said.instructions))
+        options["cameras"] = tuple(said.cameras)
         if said.calibration is not None:
             options["calibration"] = self._beside(said.calibration)
         try:

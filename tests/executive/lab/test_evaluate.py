@@ -6,6 +6,7 @@ import json
 import math
 import os
 import re
+import shlex
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -27,6 +28,7 @@ from executive.lab.metrics import Answers
 from executive.lab.mistakes import Mistakes
 from executive.lab.published import Published
 from executive.s3e import Templates
+from executive.s3e.prompts import GROCERY_INSTRUCTIONS
 from executive.types import Atom, Belief
 from tests.executive.lab import looks
 from tests.executive.s3e.chat_server import ChatServerUnderTest, serving
@@ -150,6 +152,22 @@ def test_pictures_are_compressed_when_told(data: Path, model: Any) -> None:
     assert store.document(made)["exact_state"] == 1.0
 
 
+def test_the_papers_settings_are_measured_and_kept(data: Path, model: Any) -> None:
+    server = model()
+    eye = EyeConfig(server=server.url, cameras=(looks.CAMERAS[1],), abstention=False, instructions="paper")
+    with Evaluator(replace(config(server, data, looks=2), eye=eye)) as evaluator:
+        made = evaluator.run()
+        assert evaluator.eye.least_mass == 0.0
+    assert made is not None
+    assert made.name == "tiny (paper) + Instruct + Pose"
+    kept = store.document(made)["about"]
+    assert (kept["cameras"], kept["abstention"], kept["instructions"]) == ([looks.CAMERAS[1]], False, "paper")
+    assert kept["system_prompt"].endswith(GROCERY_INSTRUCTIONS)
+    assert {len(request.images) for request in server.requests} == {0, 1}
+    with pytest.raises(InputError, match="--cameras: there is no camera 'nowhere'"):
+        Evaluator(replace(config(server, data), eye=replace(eye, cameras=("nowhere",))))
+
+
 def test_an_unanswered_atom_is_wrong_and_nothing_else(data: Path, model: Any) -> None:
     made, _ = evaluated(config(model(lambda number, atom, truth: 2.0 if atom == RED_IN_TRAY else None), data))
     document = store.document(made)
@@ -181,6 +199,7 @@ def test_cancelled_after_the_look_at_hand(data: Path, model: Any) -> None:
         ({"instructions": True, "data": {"home_pose": True}}, "eye + Instruct + Pose"),
         ({"translator": "none", "data": {"home_pose": True}}, "eye (no trans) + Pose"),
         ({"translator": "llm", "instructions": True}, "eye + Instruct"),
+        ({"instructions": "paper", "data": {"home_pose": True}}, "eye (paper) + Instruct + Pose"),
         ({"disturb": ["lights", "jpeg=40"], "per_image": True}, "eye (one by one, lights, jpeg=40)"),
         ({"paraphrases": "p.toml", "rename": False}, "eye (paraphrased, same names)"),
     ],
@@ -199,6 +218,10 @@ def test_the_command_is_read_back(data: Path, tmp_path: Path) -> None:
     for part in ("--problem one", "--vlm m", "--looks 5", "--seed 3", "--disturb lights --disturb jpeg=40"):
         assert part in made.command
     assert made.command.endswith("--no-instructions --per-image --no-rename")
+    eye = EyeConfig(server="http://h/v1", instructions="own.md", cameras=("front", "hand"), abstention=False)
+    assert shlex.split(EvalConfig("d", data, eye).command)[4:] == [
+        *("--server", "http://h/v1", "--instructions", "own.md", "--cameras", "front,hand", "--no-abstention")
+    ]
     assert f"'{file}'" in made.command
 
 

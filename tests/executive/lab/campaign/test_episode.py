@@ -30,6 +30,10 @@ CONFIGS: list[dict[str, Any]] = [
     {"monitor": MonitorConfig(alpha=0.1, memory=False, trust=Path("a file"))},
     {"monitor": MonitorConfig(threshold=0.7)},
     {"estimator": "vlm", "eye": EyeConfig("a folder", None, "none", None, False, True, Path("c.json"))},
+    {
+        "estimator": "vlm",
+        "eye": EyeConfig("a folder", cameras=("front", "left"), abstention=False, instructions="paper"),
+    },
     {"estimator": "vlm", "eye": EyeConfig(server="http://127.0.0.1:8000/v1", translator="llm", llm="small")},
 ]
 

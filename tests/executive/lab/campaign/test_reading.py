@@ -60,6 +60,7 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
         [estimators]
         none = {}
         oracle = {}
+        papers = { estimator = "vlm", vlm = "eye", instructions = "own.md", cameras = ["front"], abstention = false }
         small = { estimator = "vlm", vlm = "eye", translator = "none", instructions = false }
         [monitors]
         plain = {}
@@ -74,9 +75,17 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
     made = read_campaign(written(tmp_path, text))
     assert (made.about, made.seeds, made.minutes) == ("Two lines", (7, 3), 0.5)
     assert [str(place) for place in made.places] == ["grocery/breakfast", "grocery/one-item"]
-    names = ["none", "oracle, plain", "oracle, doubtful", "small, plain", "small, doubtful"]
-    assert [str(who) for who in made.contenders] == names
-    assert made.size == 2 * 2 * 2 * 5 == len(list(made.episodes()))
+    names = [
+        "none",
+        "oracle, plain",
+        "oracle, doubtful",
+        "papers, plain",
+        "papers, doubtful",
+        "small, plain",
+        "small, doubtful",
+    ]
+    assert [str(who) for who in made.contenders] == ["none", *names]
+    assert made.size == 2 * 2 * 2 * 7 == len(list(made.episodes()))
     last = list(made.episodes())[-1]
     assert last.key == ("grocery", "one-item", "some", "small", "doubtful", "3")
     assert last.config.eye == EyeConfig(vlm=str(tmp_path / "eye"), translator="none", instructions=False)
@@ -87,7 +96,12 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
     assert made.contenders[1].judge == PRESETS["plain"]
     options = (last.config.home_pose, last.config.grasp_noise, last.config.max_replans, last.config.max_actions)
     assert options == (False, 0.004, 9, 40)
+    own = EyeConfig(str(tmp_path / "eye"), instructions="own.md", cameras=("front",), abstention=False)
+    assert made.contenders[3].eye == own
+    told = made.described()["contenders"]["papers, plain"]
+    assert (told["eye"]["cameras"], told["eye"]["abstention"]) == (["front"], False)
     told = made.described()["contenders"]["small, doubtful"]
+    assert told["eye"].keys().isdisjoint({"cameras", "abstention"}), "what is as it was before there was a choice"
     assert (told["eye"]["vlm"], told["monitor"]["trust"]) == ("eye", "trust.json"), "no folder of one machine"
 
 
