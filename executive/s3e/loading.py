@@ -154,7 +154,7 @@ def load_processor(checkpoint: Checkpoint) -> Any:
         try:
             with quiet():
                 processor = AutoProcessor.from_pretrained(checkpoint.folder, **_LOCAL)
-        except ImportError as error:
+        except (ImportError, ValueError) as error:  # which of them hangs on what files the checkpoint has
             if "torchvision" not in str(error).lower():
                 raise
             with quiet():
@@ -167,6 +167,8 @@ def load_processor(checkpoint: Checkpoint) -> Any:
             "has no chat template (wanted chat_template.jinja, as a model that is to be asked has)",
             file=checkpoint.folder,
         )
+    if not getattr(processor, "chat_template", None):
+        processor.chat_template = tokenizer.chat_template  # older checkpoints have it in tokenizer_config.json
     return processor
 
 

@@ -15,6 +15,9 @@ from executive.errors import InputError
 Messages = list[dict[str, Any]]
 _Style = Callable[[str, int, str, str], Messages]
 
+_SIDE = 224
+"""Pixels; no model refuses a picture of this size."""
+
 _SYSTEM, _QUESTION = "Answer as briefly as possible.", "Is anything there?"
 
 
@@ -76,6 +79,20 @@ class Chat:
                 return chat
         raise InputError(f"its chat template cannot be used ({trouble})")
 
+    def check(self) -> None:
+        """Whether the processor takes a question about a picture at all.
+
+        Raises:
+            InputError: it does not, whatever the picture.
+        """
+        from PIL.Image import new
+
+        try:
+            self.inputs(self.render(_SYSTEM, 1, _QUESTION), [new("RGB", (_SIDE, _SIDE))])
+        except Exception as error:  # each family's has its own way to say so
+            name = type(self.processor).__name__
+            raise InputError(f"{name} takes no question about a picture ({type(error).__name__}: {error})") from error
+
     def render(self, system: str, pictures: int, question: str) -> str:
         """The whole prompt as text, up to where the model is to answer."""
         messages = self.style(system, pictures, question, self.mark)
@@ -92,7 +109,7 @@ class Chat:
     def inputs(self, text: str, pictures: list[Any]) -> dict[str, Any]:
         """What the model takes for a rendered prompt with its pictures: tensors of one row."""
         made = self.processor(text=[text], images=[pictures], return_tensors="pt", **self.options(text))
-        return dict(made)
+        return {name: value for name, value in made.items() if name != "labels"}  # PaliGemma's, for training
 
     def options(self, text: str) -> dict[str, Any]:
         """The template has often put the token in already that begins every text; it is not to be there twice."""

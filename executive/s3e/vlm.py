@@ -79,6 +79,7 @@ class TransformersBackend:
         self._tokens: dict[AnswerWords, AnswerTokens] = {}
         try:
             self._chat = Chat.with_processor(self._processor)
+            self._chat.check()
         except InputError as error:
             raise InputError(error.message, file=self._folder) from None
 

@@ -19,6 +19,10 @@ from tests.executive.s3e.tokenizer import answer_tokens, make_tokenizer
 FAMILIES = ("llava-onevision", "smolvlm", "qwen2.5-vl", "fastvlm")
 """What `build` knows, by the names that people call them: models that keep keys and values of every token."""
 
+OTHERS = ("paligemma", "internvl")
+"""And models with ways of their own: one that reads the whole prompt in both directions, so that nothing can be
+shared, and one whose processor wants a part for videos. ("got-ocr2" is known, too, and cannot be asked.)"""
+
 FORGETTING = ("gemma3", "qwen3.5")
 """And models that do not, in some layers: a sliding window (shorter than any prompt here) and linear attention."""
 
@@ -307,6 +311,77 @@ def _qwen_linear(tokenizer: Any, size: Size, splitting: bool) -> _Made:
     )
 
 
+def _paligemma(tokenizer: Any, size: Size, splitting: bool) -> _Made:
+    """Reads its whole prompt in both directions; its processor hands out labels for training, too."""
+    from transformers import PaliGemmaConfig, PaliGemmaForConditionalGeneration, SiglipImageProcessorPil
+
+    tokenizer.bos_token = "<|endoftext|>"
+    side = size.picture
+    language = {**_language(tokenizer, size), "head_dim": size.width // size.heads}
+    config = PaliGemmaConfig(
+        vision_config={
+            "model_type": "siglip_vision_model",
+            **_vision(size),
+            "image_size": side,
+            "patch_size": size.patch,
+            "projection_dim": size.width,
+            "vision_use_head": False,
+        },
+        text_config={"model_type": "gemma", **language},
+        image_token_index=tokenizer.convert_tokens_to_ids("<image>"),
+        vocab_size=language["vocab_size"],
+        projection_dim=size.width,
+        hidden_size=size.width,
+        tie_word_embeddings=False,
+    )
+    prepare = SiglipImageProcessorPil(size={"height": side, "width": side}, image_seq_length=(side // size.patch) ** 2)
+    processor = {"processor_class": "PaliGemmaProcessor"}
+    return _Made(lambda: PaliGemmaForConditionalGeneration(config), prepare, processor)
+
+
+def _internvl(tokenizer: Any, size: Size, splitting: bool) -> _Made:
+    from transformers import GotOcr2ImageProcessorPil, InternVLConfig, InternVLForConditionalGeneration
+
+    side = size.picture
+    tokens = (side // size.patch // 2) ** 2
+    config = InternVLConfig(
+        vision_config={**_vision(size), "image_size": [side, side], "patch_size": [size.patch, size.patch]},
+        text_config={"model_type": "qwen2", **_language(tokenizer, size)},
+        image_token_id=tokenizer.convert_tokens_to_ids("<image>"),
+        image_seq_length=tokens,
+        tie_word_embeddings=False,
+    )
+    prepare = GotOcr2ImageProcessorPil(size={"height": side, "width": side}, crop_to_patches=splitting)
+    processor = {"processor_class": "InternVLProcessor", "image_seq_length": tokens}
+    return _Made(lambda: InternVLForConditionalGeneration(config), prepare, processor)
+
+
+def _got(tokenizer: Any, size: Size, splitting: bool) -> _Made:
+    """Reads text off pictures, and is asked nothing."""
+    from transformers import GotOcr2Config, GotOcr2ForConditionalGeneration, GotOcr2ImageProcessorPil
+
+    tokenizer.add_special_tokens({"additional_special_tokens": ["<img>", "</img>", "<imgpad>"]})
+    side = 4 * size.patch
+    config = GotOcr2Config(
+        vision_config={
+            **_vision(size),
+            "output_channels": 16,
+            "mlp_dim": size.inner,
+            "image_size": side,
+            "patch_size": size.patch,
+            "window_size": 2,
+            "global_attn_indexes": [1],
+        },
+        text_config={"model_type": "qwen2", **_language(tokenizer, size)},
+        image_token_index=tokenizer.convert_tokens_to_ids("<imgpad>"),
+        image_seq_length=1,
+        tie_word_embeddings=False,
+    )
+    prepare = GotOcr2ImageProcessorPil(size={"height": side, "width": side})
+    processor = {"processor_class": "GotOcr2Processor"}
+    return _Made(lambda: GotOcr2ForConditionalGeneration(config), prepare, processor, "<img><imgpad></img>")
+
+
 _MAKERS: dict[str, Callable[[Any, Size, bool], _Made]] = {
     "llava-onevision": _llava_onevision,
     "smolvlm": _smolvlm,
@@ -314,6 +389,9 @@ _MAKERS: dict[str, Callable[[Any, Size, bool], _Made]] = {
     "fastvlm": _fastvlm,
     "gemma3": _gemma,
     "qwen3.5": _qwen_linear,
+    "paligemma": _paligemma,
+    "internvl": _internvl,
+    "got-ocr2": _got,
 }
 
 

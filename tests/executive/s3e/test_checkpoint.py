@@ -20,6 +20,7 @@ from executive.s3e import loading
 from executive.s3e.checkpoint import check_safetensors, find
 from executive.s3e.vlm import TransformersBackend
 from tests.executive.s3e.checkpoints import build
+from tests.executive.s3e.looking import QUESTIONS, SYSTEM, pictures
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -288,6 +289,24 @@ def test_a_family_that_needs_a_package_names_the_extra(
     with pytest.raises(MissingError, match="num2words") as caught:
         TransformersBackend(checkpoint("smolvlm"))
     assert caught.value.command == "pip install 'executive[smolvlm]'"
+
+
+def test_a_template_that_only_the_tokenizer_has_is_used(folder: Path) -> None:
+    """As older checkpoints have it, in tokenizer_config.json."""
+    expected = TransformersBackend(folder).look(pictures(1), SYSTEM).ask(QUESTIONS)
+    text = (folder / "chat_template.jinja").read_text("utf-8")
+    (folder / "chat_template.jinja").unlink()
+    changed(folder / "tokenizer_config.json", lambda config: {**config, "chat_template": text})
+    assert TransformersBackend(folder).look(pictures(1), SYSTEM).ask(QUESTIONS) == expected
+
+
+def test_a_model_that_takes_no_question_is_called_what_it_is(checkpoint: Callable[[str], Path]) -> None:
+    """GOT-OCR2 reads text off pictures; its processor wants them in another way, whatever their size."""
+    folder = checkpoint("got-ocr2")
+    with pytest.raises(InputError) as caught:
+        TransformersBackend(folder)
+    assert str(caught.value).startswith(f"{folder}: GotOcr2Processor takes no question about a picture (ValueError: ")
+    assert "pixels" not in str(caught.value)
 
 
 def test_pictures_that_only_torchvision_prepares(

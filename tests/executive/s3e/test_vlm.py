@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import subprocess
 import sys
@@ -14,11 +15,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from PIL import Image as Picture
 
 from executive.s3e import prefix
-from executive.s3e.backend import TRUE_FALSE, Answer, Backend, Look
+from executive.s3e.backend import LEAST_MASS, TRUE_FALSE, YES_NO, Answer, Backend, Look
 from executive.s3e.vlm import TransformersBackend
-from tests.executive.s3e.checkpoints import FAMILIES, FORGETTING, build
+from tests.executive.s3e.checkpoints import FAMILIES, FORGETTING, OTHERS, build
 from tests.executive.s3e.looking import QUESTIONS, SYSTEM, Pick, apart, numbers, pictures
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -40,6 +42,34 @@ def test_sharing_changes_no_answer(backend: Pick, family: str, count: int) -> No
     for other in (backend(family).look(pictures(count, seed=1), SYSTEM), backend(family).look(shown, SYSTEM[:-20])):
         moved = [np.abs(numbers(a) - numbers(b)).max() for a, b in zip(answers, other.ask(QUESTIONS), strict=True)]
         assert min(moved) > 1e-4
+
+
+@pytest.mark.parametrize("family", OTHERS)
+def test_other_families_answer_as_a_plain_pass_does(
+    backend: Pick, checkpoint: Callable[[str], Path], family: str
+) -> None:
+    """The processor that transformers would make and a whole forward pass for each question."""
+    import torch
+
+    model = backend(family)
+    look = model.look(pictures(1), SYSTEM)
+    assert look.path == ("shared" if family == "internvl" else "one by one")
+    answers = look.ask(QUESTIONS)
+    ids = model._tokens[YES_NO]
+    for answer in answers:
+        assert answer.error == ""
+        made = model._processor(text=[answer.prompt], images=[[Picture.fromarray(pictures(1)[0])]], return_tensors="pt")
+        with torch.no_grad():
+            logits = model._model(**{name: made[name] for name in made if name != "labels"}).logits[0, -1].double()
+        told = [logits.softmax(-1)[list(each)].sum().item() for each in (ids.affirmative, ids.negative)]
+        assert (answer.yes_mass, answer.no_mass) == pytest.approx(told, abs=1e-5)
+    assert np.ptp([answer.probability() for answer in answers]) > 1e-2
+
+
+def test_what_a_model_would_rather_say_is_told(backend: Pick) -> None:
+    for answer in backend("fastvlm").look(pictures(1), SYSTEM).ask(QUESTIONS):
+        little = answer.yes_mass + answer.no_mass < LEAST_MASS
+        assert (re.fullmatch(r"['\"].*['\"] \(\d+%\)", answer.said) is not None) == little
 
 
 @cache

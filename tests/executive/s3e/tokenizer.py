@@ -67,6 +67,9 @@ def make_tokenizer(begin: bool = False) -> Any:
             "end_of_utterance_token": "<|im_end|>",
             "boi_token": "<|vision_start|>",
             "eoi_token": "<|vision_end|>",
+            "start_image_token": "<|vision_start|>",
+            "end_image_token": "<|vision_end|>",
+            "context_image_token": "<image>",
         },
     )
 
