@@ -249,6 +249,8 @@ class _Translation:
             self._fluents[name] = Fluent(f"p_{name}", kinds.BoolType(), signature, self.environment)
         for fluent in self._fluents.values():
             self._problem.add_fluent(fluent)
+        for atom in sorted(schema.task.static):
+            self._problem.set_initial_value(self._atom(atom), True)
         self._arity = {name: len(action.parameters) for name, action in schema.actions.items()}
         for name, action in schema.actions.items():
             terms = [(variable, types[kind]) for variable, kind in action.parameters]

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import NamedTuple, TypeAlias
 
 from executive.types import Atom, Facts, Step, Task
 
@@ -106,12 +107,20 @@ class Typing:
         return total
 
 
+class Said(NamedTuple):
+    """What `:init` says of an atom: whether it is true, and on which line of the problem file."""
+
+    value: bool
+    line: int
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Schema:
     """Everything that a planner needs, read once: the task, and its actions and goals as the files have them.
 
     `predicates` maps each name to the types of its parameters; `goals` are the goal's atoms in the order in which the
-    problem file names them (`Task.goal` is sorted).
+    problem file names them (`Task.goal` is sorted). `static` are the predicates that are what `:init` says, and `init`
+    is all that `:init` says of the others.
     """
 
     task: Task
@@ -119,10 +128,12 @@ class Schema:
     predicates: Mapping[str, tuple[str, ...]]
     actions: Mapping[str, Action]
     goals: tuple[Atom, ...]
+    static: frozenset[str] = frozenset()
+    init: Mapping[Atom, Said] = field(default_factory=lambda: MappingProxyType({}))
 
     def ground(self, name: str, args: Sequence[str]) -> Step:
-        """The step `name(args)`, static preconditions included. An atom both deleted and added is true afterwards,
-        as in PDDL.
+        """The step `name(args)`. What is static is known, and so is no precondition of it. An atom both deleted and
+        added is true afterwards, as in PDDL.
 
         Raises:
             ValueError: no such action, arguments that do not fit, or an instance that can never be carried out.
@@ -142,6 +153,9 @@ class Schema:
         for condition in self.typing.expand(action.preconditions, binding):
             if isinstance(condition, Equality):
                 possible = (condition.left == condition.right) is condition.positive
+            elif condition.predicate in self.static:
+                holds = Atom(condition.predicate, condition.terms) in self.task.static
+                possible = holds is condition.positive
             else:
                 atom = Atom(condition.predicate, condition.terms)
                 possible = preconditions.setdefault(atom, condition.positive) is condition.positive

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executive.errors import DomainError, nearest
-from executive.files import read_toml
+from executive.files import caseless, read_toml
 from executive.s3e.questions import Templates
 from executive.types import Atom, Task
 
@@ -101,7 +101,7 @@ def _tables(file: Path) -> dict[str, dict[str, object]]:
             raise DomainError(f"unknown key; {nearest(name, ('questions', 'objects'))}", file=file, key=name)
         if not isinstance(table, dict):
             raise DomainError(f"expected a table, got {table!r}", file=file, key=name)
-    return tables
+    return {name: caseless(table, file, name, mistake=DomainError) for name, table in tables.items()}
 
 
 def _texts(entries: object, file: Path, key: str) -> list[str]:

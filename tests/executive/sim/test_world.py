@@ -54,7 +54,7 @@ def test_items_stand_upright_apart_and_within_reach(seed: int) -> None:
         assert near - 0.02 <= np.hypot(*pose[:2]) <= far + 0.02
         for other, place in poses.items():
             if other != item:
-                room = placement.footprint(drawn.shapes[item]) + placement.footprint(drawn.shapes[other])
+                room = placement.circle(drawn.shapes[item]) + placement.circle(drawn.shapes[other])
                 assert np.hypot(*(pose[:2] - place[:2])) > room + drawn.spec.placement.gap - 0.02
 
 
