@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
 from executive.errors import DomainError, nearest
 from executive.pddl.forms import Form, PddlFile, shorten
-from executive.pddl.schema import OBJECT, Action, Condition, Equality, Forall, Literal, Said, Schema, Typing
+from executive.pddl.schema import OBJECT, Action, Condition, Equality, Forall, Literal, Said, Schema, Typing, literals
 from executive.types import Atom, Facts, Task
 
 MOST_ATOMS = 10_000
@@ -181,7 +181,7 @@ def read_task(domain: Path, problem: Path, seen: Collection[str] = ()) -> Schema
 
     file = PddlFile(problem, "problem")
     _declare_problem(words, source, file)
-    changed = {predicate for action in actions.values() for predicate in _named(action.effects)}
+    changed = {each.predicate for action in actions.values() for each in literals(action.effects)}
     return _schema(words, source, file, actions, frozenset(words.predicates.keys() - changed.union(seen)))
 
 
@@ -226,15 +226,6 @@ def _declare_problem(words: _Words, source: PddlFile, file: PddlFile) -> None:
     words.declare_objects(file, ":objects")
     if not words.objects:
         file.fail(1, "there are no objects")
-
-
-def _named(conditions: Sequence[Condition]) -> Iterator[str]:
-    """The predicates that conditions speak of."""
-    for condition in conditions:
-        if isinstance(condition, Forall):
-            yield from _named(condition.body)
-        elif isinstance(condition, Literal):
-            yield condition.predicate
 
 
 def _changed(form: Form) -> Iterator[str]:

@@ -6,7 +6,8 @@ Pure values. Conditions are conjunctions of literals, equalities and universally
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
@@ -44,6 +45,15 @@ class Forall:
 
 
 Condition: TypeAlias = Literal | Equality | Forall
+
+
+def literals(conditions: Iterable[Condition]) -> Iterator[Literal]:
+    """All literals among conditions, those under quantifiers too."""
+    for condition in conditions:
+        if isinstance(condition, Forall):
+            yield from literals(condition.body)
+        elif isinstance(condition, Literal):
+            yield condition
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +140,17 @@ class Schema:
     goals: tuple[Atom, ...]
     static: frozenset[str] = frozenset()
     init: Mapping[Atom, Said] = field(default_factory=lambda: MappingProxyType({}))
+
+    def giving(self, atoms: Collection[Atom]) -> frozenset[Step]:
+        """All steps that make any of the atoms true."""
+        predicates, found = {atom.predicate for atom in atoms}, set[Step]()
+        for name, action in self.actions.items():
+            adds = {each.predicate for each in literals(action.effects) if each.positive}
+            for args in self.typing.tuples([kind for _, kind in action.parameters]) if adds & predicates else ():
+                with suppress(ValueError):  # this one can never be carried out
+                    step = self.ground(name, args)
+                    found |= {step} if step.effects.true.intersection(atoms) else set()
+        return frozenset(found)
 
     def ground(self, name: str, args: Sequence[str]) -> Step:
         """The step `name(args)`. What is static is known, and so is no precondition of it. An atom both deleted and

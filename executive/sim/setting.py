@@ -6,14 +6,16 @@ Whatever else `:init` says has to be so once that is done, and is refused otherw
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import NoReturn
 
 from executive.errors import DomainError, nearest
+from executive.sim import footprint
 from executive.sim.meaning import Meaning
+from executive.sim.scene import ItemShape
 from executive.sim.spec import SceneSpec
 from executive.types import Atom, Facts
 
@@ -62,6 +64,8 @@ def read_setting(said: Said, meanings: Mapping[str, Meaning], spec: SceneSpec, f
                 fail(line, f"{item} is declared to be on {table!r}, which is no table; {nearest(table, tables)}")
             if not value:
                 barred[item], since[f"not {item}"] = barred.get(item, frozenset()) | {table}, line
+            elif item == held:
+                fail(line, f"{item} is in the hand, by line {since[item]}, and not on {table}")
             elif placed.setdefault(item, table) != table:
                 fail(line, f"{item} is on {placed[item]} already, by line {since[item]}, and can be on one table only")
             else:
@@ -74,8 +78,6 @@ def read_setting(said: Said, meanings: Mapping[str, Meaning], spec: SceneSpec, f
             held, since[things[0]] = things[0], line
         elif meaning.name == "gripper-empty":
             empty = value, line
-    if held in placed:
-        fail(since[held], f"{held} is in the hand, and not on {placed[held]}")
     if empty is not None and empty[0] and held is not None:
         fail(empty[1], f"the hand is not empty: it holds {held}, by line {since[held]}")
     if empty is not None and not empty[0] and held is None:
@@ -84,6 +86,22 @@ def read_setting(said: Said, meanings: Mapping[str, Meaning], spec: SceneSpec, f
         if placed.get(item) in without or (item not in placed and item != held and without.issuperset(tables)):
             fail(since[f"not {item}"], f"{item} has to be somewhere: on a table, or in the hand")
     return Setting(MappingProxyType(placed), MappingProxyType(barred), held)
+
+
+def too_large(
+    atoms: Iterable[Atom], meanings: Mapping[str, Meaning], shapes: Mapping[str, ItemShape], spec: SceneSpec
+) -> dict[Atom, str]:
+    """Those of the atoms that would have an item lie on a table which it is too large for however it lies, and why."""
+    tables = {table.name: table for table in spec.tables}
+    found = {}
+    for atom in atoms:
+        meaning = meanings[atom.predicate]
+        if meaning.name == "on":
+            item, name = meaning.about(atom)
+            if item in shapes and name in tables and footprint.too_large(shapes[item], tables[name]):
+                outlines = " or ".join(str(outline) for outline in footprint.resting(shapes[item]))
+                found[atom] = f"{item} does not fit on {name}: {outlines}, and {name} is {footprint.top(tables[name])}"
+    return found
 
 
 def check_setting(said: Said, truth: Callable[[Sequence[Atom]], Facts], file: Path) -> None:
