@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 
@@ -64,7 +65,7 @@ def broken_torchvision() -> str | None:
     if find_spec("torchvision") is None:
         return None
     try:
-        import torchvision  # noqa: F401
+        import_module("torchvision")
     except Exception as error:
         for name in [name for name in sys.modules if name.partition(".")[0] == "torchvision"]:
             del sys.modules[name]
