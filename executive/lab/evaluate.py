@@ -255,7 +255,7 @@ def row_name(model: str, about: Mapping[str, Any]) -> str:
     """What the paper's tables would call it: `72B (no trans) + Instruct + Pose`."""
     odd = ["no trans"] if about["translator"] == "none" else []
     odd += ["one by one"] if about["per_image"] else []
-    odd += [about["instructions"]] if isinstance(about["instructions"], str) else []
+    odd += [Path(about["instructions"]).name] if isinstance(about["instructions"], str) else []
     odd += ["paraphrased" if about["rename"] else "paraphrased, same names"] if about["paraphrases"] else []
     odd += about["disturb"]
     first = f"{model} ({', '.join(odd)})" if odd else model

@@ -199,6 +199,7 @@ def test_cancelled_after_the_look_at_hand(data: Path, model: Any) -> None:
         ({"instructions": True, "data": {"home_pose": True}}, "eye + Instruct + Pose"),
         ({"translator": "none", "data": {"home_pose": True}}, "eye (no trans) + Pose"),
         ({"translator": "llm", "instructions": True}, "eye + Instruct"),
+        ({"instructions": "some/own.md"}, "eye (own.md) + Instruct"),
         ({"instructions": "paper", "data": {"home_pose": True}}, "eye (paper) + Instruct + Pose"),
         ({"disturb": ["lights", "jpeg=40"], "per_image": True}, "eye (one by one, lights, jpeg=40)"),
         ({"paraphrases": "p.toml", "rename": False}, "eye (paraphrased, same names)"),
