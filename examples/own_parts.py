@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from executive.protocols import SkillContext
-from executive.sim.relations import State, takes
+from executive.sim.relations import State
 from executive.types import SkillResult, SkillStatus, Step
 
 
-@takes("item")
 def upright(state: State, item: str) -> bool:
     """upright(item): its own z axis points up, to within 15 degrees."""
     up = state.data.body(item).xmat[8]

@@ -47,7 +47,7 @@ def within(seconds: float, work: Callable[[], _T]) -> _T:
             raise
         for child in _children() - before:
             _end(child)
-        raise LateError(f"more than {seconds:g} s") from None
+        raise LateError(f"more than {round(seconds, 2):g} s") from None
 
 
 @contextmanager

@@ -42,7 +42,6 @@ from executive.types import Facts
 
 if TYPE_CHECKING:
     from executive.s3e.estimator import S3E
-    from executive.sim.setting import Setting
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
@@ -89,7 +88,6 @@ class Run:
         log = None if folder is None else EventLog(folder, self._unrecorded)  # from here on it is ours
         self._past = None if folder is None else Past.of(folder)
         self.domain = load_domain(config.domain, config.problem)
-        stage = checked_stage(self.domain)
         if self._past is not None:
             self._past.check(self.domain.task)
         injected = parse_faults(self.domain, config.faults)
@@ -102,12 +100,15 @@ class Run:
         eye = None
         if config.estimator == "vlm":
             eye = settled(config.eye or EyeConfig(), self.domain.subject)
-        self.monitor = None if config.estimator == "none" else open_monitor(config.monitor, self.domain, eye)
+        self.monitor = None
+        if config.estimator != "none":
+            patience = min(30.0, config.patience, config.settings().max_seconds)
+            self.monitor = open_monitor(config.monitor, self.domain, eye, patience)
         # A model takes long to load and may be none: before anything that would have to be undone.
         if eye is not None and seeing is None:
             seeing = open_eye(eye, self.domain.subject)
         first_observation = 0 if self._past is None else self._past.observations
-        self.world, self.truth = _stage(self.domain, config, injected, first_observation, stage)
+        self.world, self.truth = _stage(self.domain, config, injected, first_observation)
         self.folder = make_folder(config, self.domain) if folder is None else folder
         self._collector = Collector()
         try:
@@ -175,8 +176,10 @@ class Run:
             self.domain.task,
             punctual_planner(faulty_planner(planner, faults), config.patience),
             faulty_world(self.world, faults),
-            punctual_skills(faulty_skills(load_skills(self.domain), faults), config.patience),
-            None if estimator is None else punctual_estimator(faulty_estimator(estimator, faults), config.patience),
+            punctual_skills(faulty_skills(load_skills(self.domain), faults), config.patience, left=self._left),
+            None
+            if estimator is None
+            else punctual_estimator(faulty_estimator(estimator, faults), config.patience, self._left),
             sinks=self._sinks,
             settings=config.settings(),
             faults=faults,
@@ -188,6 +191,10 @@ class Run:
             moves=load_moves(self.domain),
             course=course,
         )
+
+    def _left(self) -> float:
+        """How many wall seconds the run still has; asked while it goes on."""
+        return self.executive.seconds_left
 
     def _go_on(self) -> Course | None:
         """Have the world be what it was when the run's process ended, and the sinks know what happened until then; how
@@ -270,53 +277,27 @@ def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
     return [parse_fault(spec, items, tables, cameras) for spec in specs]
 
 
-def checked_stage(domain: Domain) -> Setting:
-    """How the problem begins in the domain's scene, once it is certain that its predicates and what it says of the
-    beginning make sense there.
-
-    Raises:
-        DomainError: they do not.
-    """
-    from executive.sim.meaning import check_kinds, read_meanings
-    from executive.sim.setting import read_setting
-    from executive.sim.spec import read_scene
-
-    manifest, problem, task = domain.files[0], domain.files[2], domain.task
-    scene = read_scene(domain.scene).restricted_to(task.objects, domain.scene)
-    meanings = read_meanings(domain.relations, task.parameters, manifest)
-    check_kinds(meanings, task, scene, manifest)
-    return read_setting(domain.parsed.init, meanings, scene, problem)
-
-
 def _stage(
-    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int, setting: Setting
+    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int
 ) -> tuple[MujocoWorld, Truth]:
-    """The world, as the problem's :init has it begin; the robot has to see that for itself."""
-    from executive.sim.setting import check_setting
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
     task = domain.task
+    # What the problem's :init says of where things stand sets the stage; the robot has to see it for itself.
+    placed = {atom.args[0]: atom.args[1] for atom in sorted(task.declared) if domain.relations[atom.predicate] == "on"}
     world = MujocoWorld(
         domain.scene,
         task.objects,
         seed=config.seed,
-        placed=setting.placed,
+        placed=placed,
         grasp_noise=config.grasp_noise,
         home_pose=config.home_pose,
         blockings=sum(fault.kind == "block" for fault in faults),
         keep_trees=config.tree,
         first_observation=first_observation,
-        barred=setting.barred,
-        held=setting.held,
     )
-    truth = Truth(world, domain.relations, task.parameters, domain.files[0])
-    try:
-        check_setting(domain.parsed.init, truth.of, domain.files[2])
-    except DomainError:
-        world.close()
-        raise
-    return world, truth
+    return world, Truth(world, domain.relations, task.parameters, domain.folder / "domain.toml")
 
 
 def _eye(

@@ -20,6 +20,14 @@ def compare(expected: Facts, seen: Facts) -> Verdict:
     return Verdict(holds, frozenset(told.keys() - holds), frozenset(expected.keys() - told.keys()))
 
 
+def bearing(step: Step, known: Facts) -> Facts:
+    """What is known that bears on how a step comes out: what it needs and changes, and whatever else is said of the
+    objects that it is about, such as what stands on the table that it puts something on."""
+    objects = frozenset(step.args)
+    own = step.preconditions.keys() | step.effects.keys()
+    return known.only(atom for atom in known if atom in own or not objects.isdisjoint(atom.args))
+
+
 def progress(facts: Facts, step: Step) -> Facts:
     """What is expected after `step`, begun where `facts` hold: its effects, and of everything else that it stays."""
     return facts | step.effects

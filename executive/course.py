@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from types import MappingProxyType
+from typing import NamedTuple
 
 from executive.attention import questions
-from executive.compare import compare, outlook, progress
+from executive.compare import bearing, compare, outlook, progress
 from executive.monitor.seam import Judgement, Memory
-from executive.policy import Doubts, Dropped, Settings, Turn
+from executive.policy import Doubts, Dropped, Failures, Settings, Turn
 from executive.types import (
     Atom,
     Belief,
@@ -32,6 +34,23 @@ from executive.types import (
 
 HUNCH = 0.02
 """What is less probable than this is nothing to act upon."""
+
+
+class Leeway(Enum):
+    """Where a plan may hang on a step that was given up on. One that was given up on twice may be in none."""
+
+    NONE = "nowhere"
+    CHANGED = "where something that bears on it has changed"
+    LAST = "where nothing else is left to do: as before, and if anything was done since"
+
+
+class Stuck(NamedTuple):
+    """A step that was given up on: the known facts that bore on it, after how many actions of the run that was, and how
+    often by now."""
+
+    facts: Facts
+    actions: int
+    times: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +73,11 @@ class Course:
     `judgement` what it made of the looks at this `moment` (None before the first one). `known` are the facts that were
     told or ever seen, as they are believed now. `source` is the last look that asked about an atom, with its cameras.
     `todo` are the positions of the plan's steps that are left, `attempt` counts the tries at the first of them, and
-    `report` is what the skill of this cycle said. `failures` counts how often a step failed from the same known facts;
-    `stuck` are the steps that were given up on, with what was known before and after; `given_up_why` is why some of the
-    goal was given up last. `tried` are the atoms that were acted upon as if they were not what they
-    are believed to be. `since` is how far another process had come, where one began the run. A *cycle* is a turn of the
-    loop, an *action* a dispatched step, a *replan* a plan that was taken up after the first.
+    `report` is what the skill of this cycle said. `failures` counts how often each step failed, by the known facts that
+    bore on it; `stuck` are the steps that were given up on; `given_up_why` is why some of the goal was given up last.
+    `tried` are the atoms that were acted upon as if they were not what they are believed to be. `since` is how far
+    another process had come, where one began the run. A *cycle* is a turn of the loop, an *action* a dispatched step, a
+    *replan* a plan that was taken up after the first.
     """
 
     task: Task
@@ -76,8 +95,8 @@ class Course:
     actions: int = 0
     replans: int = 0
     looks: int = 0
-    failures: Mapping[tuple[Step, Facts], int] = field(default_factory=lambda: MappingProxyType({}))
-    stuck: frozenset[tuple[Step, Facts]] = frozenset()
+    failures: Mapping[Step, Mapping[Facts, int]] = field(default_factory=lambda: MappingProxyType({}))
+    stuck: Mapping[Step, Stuck] = field(default_factory=lambda: MappingProxyType({}))
     given_up_why: str = ""
     tried: tuple[Atom, ...] = ()
     since: Resumed | None = None
@@ -111,17 +130,22 @@ class Course:
     def given_up(self) -> Facts:
         return self.task.goal.without(self.goal)
 
-    @property
-    def is_stuck(self) -> bool:
-        """Whether a step was given up on when just this was known."""
-        return any(known == self.known for _, known in self.stuck)
+    def failing(self, step: Step, known: Facts) -> Failures:
+        """How often the step has failed, if it fails now, with `known` known before it."""
+        before = self.failures.get(step, {})
+        return Failures(before.get(bearing(step, known), 0) + 1, sum(before.values()) + 1)
 
-    def failed_before(self, step: Step, known: Facts) -> int:
-        return self.failures.get((step, known), 0)
-
-    def leads_nowhere(self, plan: Plan) -> bool:
-        """Whether the plan hangs on a step that was given up on when just this was known."""
-        return any((step, self.known) in self.stuck for step in plan.steps)
+    def hung_on(self, steps: Iterable[Step], state: Facts, leeway: Leeway) -> frozenset[Step]:
+        """Those of the steps, carried out in order from the complete `state`, that are stuck."""
+        found = set()
+        for step in steps if self.stuck else ():
+            if (stuck := self.stuck.get(step)) is not None:
+                changed = leeway is not Leeway.NONE and not state.entails(stuck.facts)
+                later = leeway is Leeway.LAST and self.actions > stuck.actions
+                if stuck.times > 1 or not (changed or later):
+                    found.add(step)
+            state = progress(state, step)
+        return frozenset(found)
 
     def questions(self, most: int) -> tuple[Atom, ...]:
         """What a look at this moment should ask about: what the last step changed, what the next one needs, what is in
@@ -143,9 +167,10 @@ class Course:
         atoms = sorted(certain, key=lambda atom: atom in self.seen)[: settings.max_questions]
         return Doubts(tuple(atoms), self.unsure(atoms, settings.sure))
 
-    def spent(self, seconds: float) -> dict[str, float]:
-        """What was used so far of the budget of a run that took `seconds`, but for replans."""
-        return {"cycles": self.cycle, "actions": self.actions, "looks": self.looks, "seconds": seconds}
+    @property
+    def spent(self) -> dict[str, float]:
+        """What was used so far of the run's budgets, but for replans and time."""
+        return {"cycles": self.cycle, "actions": self.actions, "looks": self.looks}
 
     def unsure_of_goal(self, sure: float) -> tuple[Atom, ...]:
         """What the goal hangs on and is not sure; where some of it was given up, that may be anything."""
@@ -158,9 +183,10 @@ class Course:
         doubtful = self.unsure(self.goal, claim)
         return self.seen.without([atom for atom in doubtful if self.seen.get(atom) is self.goal[atom]])
 
-    def dropped(self, plan: Plan | None) -> Dropped:
-        """What was given up; `plan` is for the whole goal, if there is one."""
-        return Dropped(self.given_up, self.given_up_why, plan)
+    def dropped(self, plan: Plan | None, reached: Facts) -> Dropped:
+        """What was given up; `plan` is for as much of it as is in `reached`, if there is one."""
+        back = self.given_up.only(reached)
+        return Dropped(self.given_up if plan is None else back, self.given_up_why, plan)
 
     def unsure(self, atoms: Iterable[Atom], sure: float) -> tuple[Atom, ...]:
         """Those of the atoms that cannot be told, or with a probability of less than `sure`."""
@@ -278,9 +304,13 @@ class Course:
 
     def failed(self, step: Step, known: Facts, decision: Decision) -> Course:
         """The step failed when `known` was known."""
-        failures = {**self.failures, (step, known): self.failed_before(step, known) + 1}
-        stuck = {(step, known), (step, self.known)} if decision.kind is DecisionKind.GIVE_UP_GOAL else frozenset()
-        return replace(self, failures=MappingProxyType(failures), stuck=self.stuck | stuck)
+        facts = bearing(step, known)
+        counts = {**self.failures.get(step, {}), facts: self.failing(step, known).here}
+        failures, stuck = {**self.failures, step: MappingProxyType(counts)}, dict(self.stuck)
+        if decision.kind is DecisionKind.GIVE_UP_GOAL:
+            times = stuck[step].times + 1 if step in stuck else 1
+            stuck[step] = Stuck(facts, self.actions, times)
+        return replace(self, failures=MappingProxyType(failures), stuck=MappingProxyType(stuck))
 
     # What it amounts to.
 
@@ -302,7 +332,7 @@ class Course:
             repeatable=view.repeatable,
             looks=moment.looks,
             attempt=self.attempt,
-            failures=self.failed_before(step, moment.before) + 1,
+            failures=self.failing(step, moment.before),
         )
 
     def ended(self, decision: Decision) -> Ended:

@@ -3,8 +3,8 @@
 What costs time in asking a planner is not the search: it is reading PDDL, grounding it and starting interpreters. Here
 every action is grounded once, when the task is read, and a state and a goal become a few lines of a file in the
 format that Fast Downward's search reads (version 3 of its translator's): a variable with two values for each atom, so
-that every state and every goal can be written down, and an operator for each grounded action. Which invariants there
-are need not be known.
+that every state and every goal can be written down, and an operator for each grounded action that can change
+something (the search refuses operators without effects). Which invariants there are need not be known.
 
 Fast Downward is GPL-3. Nothing of it is imported: its search is a program that runs in a process of its own.
 """
@@ -19,7 +19,7 @@ import re
 import signal
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +37,11 @@ _FENCE = 'cd "$1" && ulimit -t "$2" && shift 2 && exec "$@" < task.sas'
 """Runs the search in a directory of its own, and with a limit on CPU seconds that ends it even where this process was
 killed and can end nothing any more."""
 
+
+_BOOKKEEPING = re.compile(
+    r"(?i)^\[t=|^INFO\b|exit ?code|^peak memory|^\w+ time:|^remove intermediate|^driver aborting|^usage error occurred"
+)
+"""Lines that Fast Downward prints however it ended."""
 
 _LEAST = ("--search", "eager_greedy([lmcut()], bound=0)")
 """Works out one heuristic value and ends: no state is worth going on from."""
@@ -60,26 +65,29 @@ class Answer:
 
     @property
     def last_words(self) -> str:
-        return (self.said.strip().splitlines() or ["it said nothing"])[-1]
+        """The line that says most about how it ended."""
+        return last_words(self.said.splitlines())
+
+
+def last_words(lines: Sequence[str]) -> str:
+    """Of what an engine printed, the line that says most about how it ended: the last one that it does not print
+    however it ends, or else the last."""
+    said = [line.strip() for line in lines if line.strip()]
+    telling = [line for line in said if not _BOOKKEEPING.search(line)]
+    return (telling or said or ["it said nothing"])[-1]
 
 
 class Grounded:
-    """All grounded actions of a task."""
+    """All grounded actions of a task that can change something. They take time: `ground` has to be called until it is
+    done with them."""
 
     def __init__(self, schema: Schema) -> None:
-        steps: list[Step] = []
-        for name, action in schema.actions.items():
-            for args in schema.typing.tuples([kind for _, kind in action.parameters]):
-                with contextlib.suppress(ValueError):  # this one contradicts itself
-                    steps.append(schema.ground(name, args))
-        self._steps = tuple(steps)
+        self._steps: list[Step] = []
+        self._operators: list[str] = []
+        self._fixed: list[tuple[tuple[Atom, bool], ...]] = []
+        self._makes: dict[Atom, set[bool]] = {}
         self._number = {atom: number for number, atom in enumerate(schema.task.atoms)}
-        self._changes = frozenset(atom for step in steps for atom in step.effects)
-        self._operators = [self._operator(number, step) for number, step in enumerate(steps)]
-        self._fixed = [
-            tuple((atom, value) for atom, value in step.preconditions.items() if atom not in self._changes)
-            for step in steps
-        ]
+        self._work = self._grounding(schema)
         self._head = "\n".join(
             [
                 "begin_version\n3\nend_version\nbegin_metric\n0\nend_metric",
@@ -95,15 +103,43 @@ class Grounded:
     def __len__(self) -> int:
         return len(self._steps)
 
-    def task(self, true: frozenset[Atom], goal: Sequence[tuple[Atom, bool]]) -> str:
-        """The file for the search from the state in which exactly the atoms in `true` are true."""
+    def ground(self, stop: Callable[[], bool]) -> bool:
+        """Go on with the grounding until it is done or is to `stop`, which is asked after each action; whether it is
+        done. Not to be called from two threads at once."""
+        return not any(stop() for _ in self._work)
+
+    def _grounding(self, schema: Schema) -> Iterator[None]:
+        for name, action in schema.actions.items():
+            for args in schema.typing.tuples([kind for _, kind in action.parameters]):
+                with contextlib.suppress(ValueError):  # this one contradicts itself
+                    step = schema.ground(name, args)
+                    if not step.preconditions.entails(step.effects):
+                        self._operators.append(self._operator(len(self._steps), step))
+                        self._steps.append(step)
+                        for atom, value in step.effects.items():
+                            self._makes.setdefault(atom, set()).add(value)
+                yield
+        for step in self._steps:
+            fixed = ((atom, value) for atom, value in step.preconditions.items() if atom not in self._makes)
+            self._fixed.append(tuple(fixed))
+            yield
+
+    def task(
+        self, true: frozenset[Atom], goal: Sequence[tuple[Atom, bool]], avoid: Collection[Step] = frozenset()
+    ) -> str:
+        """The file for the search from the state in which exactly the atoms in `true` are true, without the actions in
+        `avoid`."""
         state = "\n".join("0" if atom in true else "1" for atom in self._number)
         goals = "\n".join(f"{self._number[atom]} {0 if value else 1}" for atom, value in goal)
-        # What no action changes is as it is: an action that needs it otherwise can never be carried out.
+        # What no action changes is as it is: an action that needs it otherwise can never be carried out, and one that
+        # would make it so changes nothing.
+        lasting = {atom for atom, values in self._makes.items() if values == {atom in true}}
         operators = [
             text
-            for text, fixed in zip(self._operators, self._fixed, strict=True)
+            for step, text, fixed in zip(self._steps, self._operators, self._fixed, strict=True)
             if all((atom in true) is value for atom, value in fixed)
+            and not (lasting and lasting.issuperset(step.effects))
+            and not (avoid and step in avoid)
         ]
         return "\n".join(
             [

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from executive import policy
 from executive.attention import Attention
 from executive.compare import compare
-from executive.course import Course
+from executive.course import Course, Leeway
 from executive.errors import InputError
 from executive.looking import Looker
 from executive.monitor import Monitor, PlainMonitor
@@ -31,6 +31,7 @@ from executive.types import (
     Ended,
     Facts,
     NoPlan,
+    NoPlanReason,
     Plan,
     Probed,
     Revised,
@@ -90,6 +91,16 @@ class Executive:
         if estimator:
             self._looker = Looker(estimator, world, monitor, attention, moves or {}, self._session, self.settings)
 
+    @property
+    def seconds(self) -> float:
+        """How long the run has been going on, on the wall's clock, all its processes together."""
+        return self._session.seconds
+
+    @property
+    def seconds_left(self) -> float:
+        """What is left of the budget on the wall's clock."""
+        return max(0.0, self.settings.max_seconds - self.seconds)
+
     def run(self) -> Ended:
         """Run to the end. Whatever happens, `Ended` is emitted and the sinks are closed.
 
@@ -100,6 +111,12 @@ class Executive:
         return self._session.close(self.course.ended(decision), error)
 
     def _live(self) -> Decision:
+        try:
+            return self._until_stopped()
+        except _TimeIsUpError as end:
+            return self._decide(end.decision)
+
+    def _until_stopped(self) -> Decision:
         eye, task, settings = self.estimator.name if self.estimator else "none", self.course.task, self.settings
         started = Started(self.name, self.domain, task, eye, settings.seed, asdict(settings))
         self._session.open(self.course.since or started, self.estimator)
@@ -107,7 +124,7 @@ class Executive:
         while decision.kind is not DecisionKind.STOP:
             self._session.heed()
             if decision.kind is DecisionKind.GIVE_UP_GOAL:
-                decision = self._give_up(decision)
+                decision = self._go_around(decision)
             elif decision.kind is DecisionKind.REPLAN or self.course.plan is None:
                 decision = self._make_plan()
             elif self.course.todo:
@@ -121,34 +138,40 @@ class Executive:
         if self.estimator is None:
             self._emit(Belief.certain(self.course.known))
             return Decision(DecisionKind.CONTINUE, "told what holds")
+        self._in_time()
         self.course = self._looker.look_at_all(self.course, "first look")
         while True:
             atoms, looks = self.course.task.atoms, self.course.moment.looks
             decision = self._decide(policy.first(atoms, self.course.known, looks, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision
+            self._in_time()
             self.course = self._looker.again(self.course, "first look", decision.evidence)
 
     def _make_plan(self) -> Decision:
         """2 and 5. Plan from what is believed."""
         answers = Counter[str]()
-        while isinstance(plan := self._ask(self.course.goal), NoPlan):
+        while isinstance(plan := self._ask(self.course.goal, self.course.state), NoPlan):
             self._emit(plan)
             answers[plan.reason] += 1
             decision = policy.unplanned(plan, answers[plan.reason], self.course.doubts(self.settings), self.settings)
             if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
+                self._in_time()
                 self.course = self._looker.again(self.course, "there is no plan", decision.evidence)
             elif decision.kind is DecisionKind.GIVE_UP_GOAL and (hunch := self._hunch()) is not None:
                 self._decide(policy.on_a_hunch(decision, hunch))
                 return self._attempt(hunch)
+            elif decision.kind is DecisionKind.GIVE_UP_GOAL:
+                return self._give_up(decision, is_stuck=bool(plan.without))
             elif decision.kind is not DecisionKind.REPLAN:
                 return decision
         return self._take_up(plan, self.course.goal)
 
     def _turn(self) -> Decision:
         """3 and 4. One step: can it begin, what came of it, and what now?"""
-        if stop := policy.exhausted(self.settings, **self.course.spent(self._session.seconds)):
+        if stop := policy.exhausted(self.settings, **self.course.spent):
             return self._decide(stop)
+        self._in_time()
         self.course = self.course.next_cycle()
         step = self.course.left[0]
         if self.estimator and (decision := self._check(step)):
@@ -167,17 +190,19 @@ class Executive:
         while True:
             known = self.course.known
             verdict = self._compare("preconditions", step.preconditions, known)
-            failures = self.course.failed_before(step, known) + 1
+            failures = self.course.failing(step, known)
             if (decision := policy.before(step, verdict, waits, failures, self.settings)) is None:
                 return None
             if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
                 self.course = self.course.failed(step, known, decision)
                 return decision
+            self._in_time()
             self.course, waits = self._looker.look(self._looker.waited(self.course), f"before {step}"), waits + 1
 
     def _judge(self, result: SkillResult) -> Decision:
         """What was expected of the step against what is seen of it."""
         cause = f"after {result.step}"
+        self._in_time()
         self.course = self._looker.look(self._looker.acted(self.course, result), cause)
         while True:
             self._compare("effects", self.course.expected, self.course.seen)
@@ -185,6 +210,7 @@ class Executive:
             decision = self._decide(policy.after(turn, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 break
+            self._in_time()
             self.course = self._looker.again(self.course, cause, decision.evidence, surprised=not turn.doubts)
         self.course = self.course.judged(turn, decision)
         if turn.verdict.violated:
@@ -202,19 +228,36 @@ class Executive:
         if self.estimator is None:
             return self._decide(policy.finish_blind(self.course.goal))
         cause, checks = "is the goal reached?", 1
-        self.course = self.course if self.course.asked_all else self._looker.look_at_all(self.course, cause)
+        if not self.course.asked_all:
+            self._in_time()
+            self.course = self._looker.look_at_all(self.course, cause)
         while True:
             self.course = course = self.course.whole_goal_seen()
             verdict = self._compare("goal", course.goal, course.claimable(self.settings.claim))
-            plan = self._probe(course.task.goal) if verdict.satisfied and course.given_up else None
-            unsure, dropped = course.unsure_of_goal(self.settings.sure), course.dropped(plan)
+            plan, whole = self._given_another_chance() if verdict.satisfied else (None, course.goal)
+            unsure, dropped = course.unsure_of_goal(self.settings.sure), course.dropped(plan, whole)
             redo = self._redo(verdict) if checks > self.settings.max_looks_again else None
             decision = self._decide(policy.finish(course.goal, verdict, unsure, checks, dropped, self.settings, redo))
             if decision.kind is DecisionKind.REPLAN and redo is not None:
                 return self._attempt(redo)
             if decision.kind is not DecisionKind.LOOK_AGAIN:
-                return decision if plan is None else self._take_up(plan, course.task.goal)
+                return decision if plan is None else self._take_up(plan, whole)
+            self._in_time()
             self.course, checks = self._looker.again(course, cause, decision.evidence), checks + 1
+
+    def _given_another_chance(self) -> tuple[Plan | None, Facts]:
+        """A plan for what was given up, too, or for the first part of it that does not hang on a step that is stuck,
+        and what it reaches."""
+        goal, wanted = self.course.goal, self.course.task.goal
+        if not self.course.given_up:
+            return None, goal
+        answer = self._probe(wanted, Leeway.LAST)
+        for atom in self.course.given_up if answer.without and len(self.course.given_up) > 1 else ():
+            if isinstance(answer, Plan):
+                break
+            wanted = self.course.task.goal.only((*goal, atom))
+            answer = self._probe(wanted, Leeway.LAST)
+        return (None, goal) if isinstance(answer, NoPlan) else (answer, wanted)
 
     def _redo(self, verdict: Verdict) -> Try | None:
         """How to make sure of a literal of the goal that looks speak for, and never enough; each is tried once."""
@@ -229,29 +272,53 @@ class Executive:
         """How to reach the goal, as it cannot be reached from what is believed, from what may be so."""
         if self.estimator is None:
             return None
-        tries = (self._plan_as_if(atom, self._looker.supposing(self.course, atom)) for atom in self.course.hunches)
-        return next((found for found in tries if found is not None), None)
+        for atom in self.course.hunches[: self.settings.max_goal_plans]:
+            self._in_time()
+            if (found := self._plan_as_if(atom, self._looker.supposing(self.course, atom))) is not None:
+                return found
+        return None
 
     def _plan_as_if(self, atom: Atom, state: Facts | None) -> Try | None:
         goal = self.course.goal
         if state is None or state.entails(goal):
             return None
-        with self._session.stage("plan"):
-            plan = self.planner.plan(state, goal)
-        self._emit(Probed(goal, None, plan) if isinstance(plan, NoPlan) else Probed(goal, plan))
+        plan = self._ask(goal, state)
+        self._emit(_probed(goal, plan))
         return None if isinstance(plan, NoPlan) else Try(atom, state, plan)
 
     def _attempt(self, found: Try) -> Decision:
         self.course = self.course.supposing(found.state, found.doubted)
         return self._take_up(found.plan, self.course.goal)
 
-    def _give_up(self, cause: Decision) -> Decision:
+    def _go_around(self, cause: Decision) -> Decision:
+        """Do without a step that fails again and again, where there is a plan for the goal without it."""
+        plan, goal = self._probe(self.course.goal), self.course.goal
+        if isinstance(plan, NoPlan):
+            return self._give_up(cause, is_stuck=True)
+        self._decide(policy.goes_around(cause))
+        return self._take_up(plan, goal)
+
+    def _give_up(self, cause: Decision, is_stuck: bool) -> Decision:
         """Leave out of the goal what cannot be reached, and go for the rest."""
-        kept, plan = policy.largest_reachable(self.course.goal, self._probe, self.settings.max_goal_plans)
-        decision = policy.given_up(cause, self.course.goal, kept, self.course.is_stuck)
+        kept, plan, hangs = self._largest(Leeway.NONE)
+        if hangs and not kept:
+            kept, plan, hangs = self._largest(Leeway.CHANGED)
+        decision = policy.given_up(cause, self.course.goal, kept, is_stuck or hangs)
         self._emit(self.course.grounded(decision))
         self.course = self.course.giving_up(cause.reason)
         return decision if plan is None else self._take_up(plan, kept)
+
+    def _largest(self, leeway: Leeway) -> tuple[Facts, Plan | None, bool]:
+        """What of the goal can be reached, and how; and whether more could be with a step that is stuck."""
+        without: set[str] = set()
+
+        def plan_for(part: Facts) -> Plan | None:
+            answer = self._probe(part, leeway)
+            without.update(answer.without)
+            return None if isinstance(answer, NoPlan) else answer
+
+        kept, plan = policy.largest_reachable(self.course.goal, plan_for, self.settings.max_goal_plans)
+        return kept, plan, bool(without)
 
     def _take_up(self, plan: Plan, goal: Facts) -> Decision:
         if self.course.plan is not None and (stop := policy.exhausted(self.settings, replans=self.course.replans)):
@@ -261,17 +328,46 @@ class Executive:
         self.course = self.course.planned(plan, goal)
         return Decision(DecisionKind.CONTINUE, f"{len(plan.steps)} steps to go")
 
-    def _ask(self, goal: Facts) -> Plan | NoPlan:
-        with self._session.stage("plan"):
-            return self.planner.plan(self.course.state, goal)
-
-    def _probe(self, goal: Facts) -> Plan | None:
-        """A plan that does not hang on a step which has led nowhere from here."""
+    def _probe(self, goal: Facts, leeway: Leeway = Leeway.NONE) -> Plan | NoPlan:
         if self.course.state.entails(goal):
             return Plan((), 0.0, "", 0.0)
-        plan = self._ask(goal)
-        self._emit(Probed(goal, None, plan) if isinstance(plan, NoPlan) else Probed(goal, plan))
-        return None if isinstance(plan, NoPlan) or self.course.leads_nowhere(plan) else plan
+        answer = self._plan(goal, self.course.state, leeway)
+        self._emit(_probed(goal, answer))
+        return answer
+
+    def _ask(self, goal: Facts, state: Facts) -> Plan | NoPlan:
+        """A plan that hangs on no step which was given up on, or at least not in the same circumstances."""
+        answer = self._plan(goal, state, Leeway.NONE)
+        if isinstance(answer, NoPlan) and answer.without:
+            self._emit(_probed(goal, answer))
+            answer = self._plan(goal, state, Leeway.CHANGED)
+        return answer
+
+    def _plan(self, goal: Facts, state: Facts, leeway: Leeway) -> Plan | NoPlan:
+        """Where the planner's plan hangs on a step that is stuck, it is asked for one without that step, and so on."""
+        avoid: frozenset[Step] = frozenset()
+        while True:
+            self._in_time()
+            with self._session.stage("plan"):
+                answer = self.planner.plan(state, goal, avoid, self.seconds_left)
+            answer = replace(answer, without=tuple(sorted(map(str, avoid))))
+            stuck = frozenset() if isinstance(answer, NoPlan) else self.course.hung_on(answer.steps, state, leeway)
+            if not stuck:
+                return answer
+            self._emit(_probed(goal, answer))
+            if stuck <= avoid:
+                said = f"the planner does not do without {', '.join(answer.without)}"
+                return NoPlan(NoPlanReason.UNSOLVABLE, said, without=answer.without)
+            avoid |= stuck
+
+    def _in_time(self) -> None:
+        """To be asked before anything that is waited for.
+
+        Raises:
+            _TimeIsUpError: the budget of time is used up.
+        """
+        if stop := policy.exhausted(self.settings, seconds=self.seconds):
+            raise _TimeIsUpError(stop)
 
     def _compare(self, what: str, expected: Facts, seen: Facts) -> Verdict:
         compared = Compared(what, expected, compare(expected, seen), self.course.moment.observation_id)
@@ -283,3 +379,15 @@ class Executive:
         if decision.kind is not DecisionKind.GIVE_UP_GOAL:
             self._emit(self.course.grounded(decision))
         return decision
+
+
+class _TimeIsUpError(Exception):
+    """The run has no time left; `decision` ends it."""
+
+    def __init__(self, decision: Decision) -> None:
+        self.decision = decision
+        super().__init__(decision.reason)
+
+
+def _probed(goal: Facts, answer: Plan | NoPlan) -> Probed:
+    return Probed(goal, None, answer) if isinstance(answer, NoPlan) else Probed(goal, answer)

@@ -62,9 +62,9 @@ def preset(name: str, key: str = "--monitor") -> MonitorConfig:
     return PRESETS[name]
 
 
-def open_monitor(config: MonitorConfig, domain: Domain, eye: EyeConfig | None) -> Monitor:
+def open_monitor(config: MonitorConfig, domain: Domain, eye: EyeConfig | None, seconds: float = 30.0) -> Monitor:
     """The monitor of a run in which `eye` looks; None is one that is always right, unless the file of trust says
-    otherwise. Finds the task's mutex groups.
+    otherwise. Finds the task's mutex groups, which may take so many wall `seconds`.
 
     Raises:
         InputError: the file of trust is none, or has too few looks for the error rate.
@@ -76,7 +76,7 @@ def open_monitor(config: MonitorConfig, domain: Domain, eye: EyeConfig | None) -
     # What costs little and can be wrong comes first.
     counts = {} if domain.outcomes is None else trust.load_outcomes(domain.outcomes, domain.parsed.actions)
     worth, thresholds = _eye(config, domain, eye)
-    network = Network(domain.task.atoms, find_mutexes(domain.parsed).groups)
+    network = Network(domain.task.atoms, find_mutexes(domain.parsed, timeout=seconds).groups)
     actions = ActionModel(counts) if config.memory else None
     return FusedMonitor(network, worth, actions, thresholds, domain.looking.carried)
 

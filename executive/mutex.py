@@ -77,7 +77,7 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0) -> Mutexes:
     declared = frozenset(schema.task.declared)
     try:
         said = _run(_INVARIANTS, (), names, declared, deadline)
-        state = _Completion(schema, _instances(said, names)).complete()
+        state = _Completion(schema, _instances(said, names), deadline).complete()
         sas = _run(TRANSLATOR, _OPTIONS, names, state, deadline)
         return Mutexes(tuple(sorted(_read(sas, names), key=lambda group: group.atoms)), state)
     except _TranslatorError as failure:
@@ -90,6 +90,15 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0) -> Mutexes:
 
 class _TranslatorError(Exception):
     """The translator gave no answer, and why."""
+
+
+def _in_time(deadline: float) -> None:
+    """
+    Raises:
+        _TranslatorError: it is later.
+    """
+    if time.monotonic() > deadline:
+        raise _TranslatorError("Fast Downward's translator did not finish in time")
 
 
 def _run(module: str, options: Sequence[str], names: _Names, state: Iterable[Atom], deadline: float) -> str:
@@ -139,7 +148,8 @@ def _instances(said: str, names: _Names) -> list[frozenset[Atom]]:
 class _Completion:
     """Makes the declared initial state a complete one. `sets` are those of which exactly one atom should be true."""
 
-    def __init__(self, schema: Schema, sets: Sequence[frozenset[Atom]]) -> None:
+    def __init__(self, schema: Schema, sets: Sequence[frozenset[Atom]], deadline: float) -> None:
+        self._deadline = deadline
         self._state = set(schema.task.declared)
         # What the declared state overfills is no invariant of this task.
         self._sets = [atoms for atoms in sets if len(atoms & self._state) <= 1]
@@ -147,7 +157,7 @@ class _Completion:
         for atoms in self._sets:
             for atom in atoms:
                 self._of.setdefault(atom, []).append(atoms)
-        self._moves = _moves(schema)
+        self._moves = _moves(schema, deadline)
         self._waiting: dict[Atom, list[_Move]] = {}
         for move in self._moves:
             for atom in move.needs:
@@ -158,10 +168,12 @@ class _Completion:
 
     def complete(self) -> frozenset[Atom]:
         for atoms in self._sets:
+            _in_time(self._deadline)
             if not atoms & self._state:
                 self._add(atom for atom in sorted(atoms) if not any(other & self._state for other in self._of[atom]))
         free = {atom for move in self._moves for atom in move.changes} - self._of.keys()
         for move in self._moves:
+            _in_time(self._deadline)
             for atom in sorted(move.needs & free):
                 if atom not in self._possible:
                     self._add([atom])
@@ -198,7 +210,7 @@ class _Move(NamedTuple):
     changes: frozenset[Atom]
 
 
-def _moves(schema: Schema) -> list[_Move]:
+def _moves(schema: Schema, deadline: float) -> list[_Move]:
     """Every grounded action of a task; none where they are too many to be worth their time."""
     sizes = (math.prod(len(schema.typing.members(kind)) for _, kind in a.parameters) for a in schema.actions.values())
     if sum(sizes) > MOST_MOVES:
@@ -206,6 +218,7 @@ def _moves(schema: Schema) -> list[_Move]:
     found = []
     for name, action in schema.actions.items():
         for args in schema.typing.tuples([kind for _, kind in action.parameters]):
+            _in_time(deadline)
             with contextlib.suppress(ValueError):  # this one contradicts itself
                 step = schema.ground(name, args)
                 found.append(_Move(step.preconditions.true, step.effects.true, frozenset(step.effects)))
@@ -225,7 +238,7 @@ class _Names:
         self._predicate_of = {new: name for name, new in self._predicates.items()}
 
     def atoms(self, name: str) -> Iterator[Atom]:
-        """The atoms of the predicate that is called `p1`; none of the flag, nor of what is static."""
+        """The atoms of the predicate that is called `p1`; none of the flag."""
         return (atom for atom in self._schema.task.atoms if self._predicates[atom.predicate] == name)
 
     def read(self, text: str) -> Atom | None:
@@ -270,7 +283,7 @@ class _Names:
     def problem(self, true: Iterable[Atom]) -> str:
         atoms = [
             f"({' '.join((self._predicates[atom.predicate], *(self._objects[name] for name in atom.args)))})"
-            for atom in sorted(self._schema.task.static.union(true))
+            for atom in sorted(true)
         ]
         return f"(define (problem task) (:domain task) (:init {' '.join(atoms)}) (:goal (done)))"
 

@@ -7,7 +7,7 @@ the steps keep it. So commuting segments of a plan are put into the order of the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 
 from executive.types import Atom, Facts, Step
@@ -28,13 +28,16 @@ def replay(true: AbstractSet[Atom], steps: Sequence[Step]) -> frozenset[Atom] | 
     return frozenset(current)
 
 
-def by_goals(state: Facts, steps: Sequence[Step], goal: Facts, order: Sequence[Atom]) -> tuple[Step, ...]:
+def by_goals(
+    state: Facts, steps: Sequence[Step], goal: Facts, order: Sequence[Atom], stop: Callable[[], bool] = bool
+) -> tuple[Step, ...]:
     """The same steps, reordered so that the goals are achieved in `order` as far as the steps allow.
 
     Again and again, the first goal in `order` that does not hold yet is looked at: the few remaining steps that lead
     to it from here are moved to the front, if they can be carried out at once and the rest still reaches the goal
     after them. A segment that is needed by others stays before them. Valid plans stay valid, and a plan whose steps
-    do not commute is returned as it came. Atoms not mentioned in `state` are false.
+    do not commute is returned as it came. Atoms not mentioned in `state` are false. Where it is to `stop`, which is
+    asked before each segment, the rest stays in the order that it had.
     """
     true: frozenset[Atom] = state.true
     done: list[Step] = []
@@ -43,6 +46,8 @@ def by_goals(state: Facts, steps: Sequence[Step], goal: Facts, order: Sequence[A
         for atom in order:
             if (atom in true) is goal[atom]:
                 continue
+            if stop():
+                return (*done, *remaining)
             chosen = _towards(true, remaining, atom, goal[atom])
             segment = [remaining[index] for index in sorted(chosen)]
             rest = [step for index, step in enumerate(remaining) if index not in chosen]

@@ -22,12 +22,12 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import groupby, islice
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from executive.errors import MissingError
-from executive.grounded import OUT_OF_TIME, SOLVED, UNSOLVABLE, Grounded, find_engine, size
+from executive.grounded import OUT_OF_TIME, SOLVED, UNSOLVABLE, Grounded, find_engine, last_words, size
 from executive.ordering import by_goals, holds, replay
 from executive.pddl import Action, Equality, Literal, Schema
 from executive.types import Atom, Facts, NoPlan, NoPlanReason, Plan, Step
@@ -77,8 +77,16 @@ _Goal: TypeAlias = Sequence[tuple[Atom, bool]]
 _Asked: TypeAlias = "Callable[[_Search, float], tuple[Step, ...] | NoPlan]"
 """A problem that can be searched in some way for some seconds."""
 
+_Posed: TypeAlias = "Callable[[frozenset[Atom], _Goal, frozenset[Step]], _Asked]"
+"""Makes a problem of a state's true atoms, a goal and the steps to do without."""
+
 _PASSED = NoPlan(NoPlanReason.TIMED_OUT)
 """What a search is not for."""
+
+
+def _too_late(way: _Search, seconds: float) -> NoPlan:
+    return _PASSED
+
 
 _UNREACHABLE = "the goal cannot be reached from this state"
 
@@ -98,19 +106,22 @@ class FastDownwardPlanner:
         self._schema, self._timeout = schema, timeout
         self._atoms = frozenset(schema.task.atoms)
         self._lock = threading.Lock()
+        self._asked = False
         self._built: _Translation | None = None
         self._grounded: tuple[Grounded, Path] | None = None
 
     def warm_up(self) -> None:
-        """Do in the background what the first call of `plan` needs; that call waits for it."""
+        """Do in the background what the first call of `plan` needs; that call goes on with it."""
 
         def prepare() -> None:
             with contextlib.suppress(Exception):  # the same error is raised by `plan`, where somebody can see it
-                self._prepared()
+                self._prepared(lambda: self._asked, math.inf)
 
         threading.Thread(target=prepare, name="planner-warm-up", daemon=True).start()
 
-    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
         """A plan from `state` to `goal`, or why there is none; see `executive.protocols.Planner`.
 
         Raises:
@@ -125,15 +136,17 @@ class FastDownwardPlanner:
             return Plan((), 0.0, ENGINE, time.perf_counter() - started)
         order = [atom for atom in self._schema.goals if atom in goal]
         order += [atom for atom in goal if atom not in self._schema.goals]
-        search = self._prepared()(state.true, [(atom, goal[atom]) for atom in order])
-        failure = NoPlan(NoPlanReason.TIMED_OUT)
+        limit = min(self._timeout, seconds)
+        until, failure, self._asked = started + limit, NoPlan(NoPlanReason.TIMED_OUT), True
+        problem = self._prepared(lambda: time.perf_counter() >= until, limit)
+        search = _too_late if problem is None else problem(state.true, [(atom, goal[atom]) for atom in order], avoid)
         for way in _SEARCHES:
-            left = self._timeout - (time.perf_counter() - started)
+            left = until - time.perf_counter()
             if left <= 0:
                 break
             answer = search(way, left * way.share)
             if not isinstance(answer, NoPlan):
-                steps = by_goals(state, answer, goal, order)
+                steps = by_goals(state, answer, goal, order, lambda: time.perf_counter() >= until)
                 end = replay(state.true, steps)
                 if end is not None and holds(end, goal):
                     seconds = time.perf_counter() - started
@@ -144,24 +157,32 @@ class FastDownwardPlanner:
                 break
         detail = failure.detail
         if failure.reason is NoPlanReason.TIMED_OUT:
-            detail = f"neither a plan nor a proof that there is none within {self._timeout:g} s"
+            detail = f"neither a plan nor a proof that there is none within {round(limit, 2):g} s"
         return NoPlan(failure.reason, detail, ENGINE, time.perf_counter() - started)
 
-    def _prepared(self) -> Callable[[frozenset[Atom], _Goal], _Asked]:
-        """What makes a problem of a state and a goal, ready to be searched."""
-        with self._lock:
-            if size(self._schema) <= MOST_GROUNDED:
-                if self._grounded is None:
-                    self._grounded = Grounded(self._schema), find_engine()
-                return self._written
-            if self._built is None:
-                self._built = _Translation(self._schema)
-            return self._translated
+    def _prepared(self, stop: Callable[[], bool], seconds: float) -> _Posed | None:
+        """What makes a problem of a state, a goal and steps to avoid, ready to be searched. None where it is to `stop`
+        before it is ready, or is not its turn within so many `seconds`; the next call goes on from there."""
+        if not self._lock.acquire(timeout=min(seconds, threading.TIMEOUT_MAX)):
+            return None
+        try:
+            if size(self._schema) > MOST_GROUNDED:
+                if self._built is None:
+                    self._built = _Translation(self._schema)
+                return self._translated
+            if self._grounded is None:
+                self._grounded = Grounded(self._schema), find_engine()
+            return self._written if self._grounded[0].ground(stop) else None
+        except BaseException:  # what was interrupted in the middle of an action cannot go on
+            self._grounded = None
+            raise
+        finally:
+            self._lock.release()
 
-    def _written(self, true: frozenset[Atom], goal: _Goal) -> _Asked:
+    def _written(self, true: frozenset[Atom], goal: _Goal, avoid: frozenset[Step]) -> _Asked:
         assert self._grounded is not None
         grounded, engine = self._grounded
-        task = grounded.task(true, goal)
+        task = grounded.task(true, goal, avoid)
 
         def ask(way: _Search, seconds: float) -> tuple[Step, ...] | NoPlan:
             if way is _QUICK and len(grounded) <= _FEW:
@@ -183,10 +204,10 @@ class FastDownwardPlanner:
 
         return ask
 
-    def _translated(self, true: frozenset[Atom], goal: _Goal) -> _Asked:
+    def _translated(self, true: frozenset[Atom], goal: _Goal, avoid: frozenset[Step]) -> _Asked:
         assert self._built is not None
         translation = self._built
-        problem = translation.problem(true, goal)
+        problem = translation.problem(true, goal, avoid)
 
         def ask(way: _Search, seconds: float) -> tuple[Step, ...] | NoPlan:
             """What the engine's answer means. Whatever goes wrong inside it is a crash, never an exception."""
@@ -234,7 +255,7 @@ class _Translation:
             for name, parent in schema.typing.supertypes.items():
                 if name not in types and parent in types:
                     types[name] = kinds.UserType(f"t_{name}", types[parent])
-        bodies = {name: _body(schema, action) for name, action in schema.actions.items()}
+        bodies = {name: body for name, action in schema.actions.items() if (body := _body(schema, action)).effects}
         constants = sorted({term for body in bodies.values() for term in _constants(body)})
         only = {name: kinds.UserType(f"c_{name}", types[schema.typing.objects[name]]) for name in constants}
         self._problem: Any = Problem("task", self.environment, initial_defaults={kinds.BoolType(): False})
@@ -249,22 +270,38 @@ class _Translation:
             self._fluents[name] = Fluent(f"p_{name}", kinds.BoolType(), signature, self.environment)
         for fluent in self._fluents.values():
             self._problem.add_fluent(fluent)
-        for atom in sorted(schema.task.static):
-            self._problem.set_initial_value(self._atom(atom), True)
-        self._arity = {name: len(action.parameters) for name, action in schema.actions.items()}
-        for name, action in schema.actions.items():
+        self._arity = {name: len(schema.actions[name].parameters) for name in bodies}
+        for name in bodies:
+            action = schema.actions[name]
             terms = [(variable, types[kind]) for variable, kind in action.parameters]
             terms += [(constant, only[constant]) for constant in _constants(bodies[name])]
             self._problem.add_action(self._action(name, terms, bodies[name]))
 
-    def problem(self, true: Iterable[Atom], goals: Sequence[tuple[Atom, bool]]) -> Any:
-        """The planning problem that starts where exactly the atoms in `true` are true."""
+    def problem(self, true: Iterable[Atom], goals: Sequence[tuple[Atom, bool]], avoid: Iterable[Step] = ()) -> Any:
+        """The planning problem that starts where exactly the atoms in `true` are true, without the steps in `avoid`:
+        each action of which there are some needs that its arguments are not among theirs."""
         problem = self._problem.clone()
+        for name, steps in groupby(sorted(avoid, key=str), key=lambda step: step.action):
+            self._leave_out(problem, name, [step.args for step in steps])
         for atom in sorted(true):
             problem.set_initial_value(self._atom(atom), True)
         for atom, value in goals:
             problem.add_goal(self._atom(atom) if value else self._expressions.Not(self._atom(atom)))
         return problem
+
+    def _leave_out(self, problem: Any, name: str, arguments: Iterable[tuple[str, ...]]) -> None:
+        from unified_planning.model import Fluent
+
+        action = problem.action(f"a_{name}")
+        own = action.parameters[: self._arity[name]]
+        signature = OrderedDict((parameter.name, parameter.type) for parameter in own)
+        barred = Fluent(f"n_{name}", self.environment.type_manager.BoolType(), signature, self.environment)
+        problem.add_fluent(barred)
+        terms = [self._expressions.ParameterExp(parameter) for parameter in own]
+        action.add_precondition(self._expressions.Not(self._expressions.FluentExp(barred, terms)))
+        for args in arguments:
+            instance = self._expressions.FluentExp(barred, [self._objects[arg] for arg in args])
+            problem.set_initial_value(instance, True)
 
     def names(self, instance: Any) -> tuple[str, tuple[str, ...]]:
         """The action and its arguments, as the PDDL files call them."""
@@ -367,8 +404,9 @@ def _end(process: subprocess.Popen[bytes] | None) -> None:
 
 
 def _last_words(result: Any) -> str:
-    """The line of the engine's output that says most about how it ended: the last one on stderr, or an exit code."""
-    lines = [line.strip() for message in result.log_messages or () for line in message.message.splitlines()]
-    errors = [message.message.strip() for message in result.log_messages or () if message.level.name == "ERROR"]
-    codes = [line for line in lines if "exit code" in line]
-    return next((words.splitlines()[-1] for words in (*errors, *reversed(codes)) if words), "it said nothing")
+    """The line of the engine's output that says most about how it ended; what it printed on stderr goes first."""
+    messages = [(message.level.name == "ERROR", message.message.splitlines()) for message in result.log_messages or ()]
+    errors, others = (
+        [line for is_error, lines in messages if is_error is wanted for line in lines] for wanted in (True, False)
+    )
+    return last_words([line for line in errors if line.strip()] or others)

@@ -47,8 +47,9 @@ class Settings:
     """On the clock on the wall, all processes of the run together."""
     max_retries: int = 2
     max_failures: int = 10
-    """How often one step may fail from the same known facts before that counts as going in circles; where trying
-    again cannot help much (no path, unreachable, not there), two more than `max_retries` are enough."""
+    """How often one step may fail while the known facts that bear on it stay the same, before that counts as going in
+    circles; where trying again cannot help much (no path, unreachable, not there), two more than `max_retries` are
+    enough. So many more, and it does not matter what was known."""
     max_looks_again: int = 3
     """Enough to look closer, and then twice with the arm further out of the way."""
     max_questions: int = 32
@@ -62,7 +63,8 @@ class Settings:
     claim: float = 0.98
     """A literal of the goal that is less probable than this, after all looks that there are, is not claimed to hold."""
     max_goal_plans: int = 64
-    """How often the planner may be asked to find out which part of the goal can be reached."""
+    """How often the planner may be asked to find out which part of the goal can be reached, and, before that, how often
+    whether all of it can be from what may be so."""
 
     def __post_init__(self) -> None:
         for name in ("sure", "claim"):
@@ -74,8 +76,22 @@ class Settings:
                 raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
 
     def tolerated(self, status: SkillStatus) -> int:
-        """How many failures of one step from the same known facts are too many."""
+        """How many failures of one step while what bears on it stays the same are too many."""
         return self.max_failures if status in _CHANCE else min(self.max_failures, self.max_retries + 2)
+
+    def bearable(self, status: SkillStatus) -> int:
+        """How many failures of one step are too many, whatever was known."""
+        return self.tolerated(status) + self.max_retries + 2
+
+
+class Failures(NamedTuple):
+    """How often a step has failed: while the known facts that bear on it were these, and in all."""
+
+    here: int
+    ever: int
+
+    def too_many(self, status: SkillStatus, settings: Settings) -> bool:
+        return self.here >= settings.tolerated(status) or self.ever >= settings.bearable(status)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +103,7 @@ class Turn:
     was last seen (None: never). `planned` steps were to follow; `rest` are the positions of those that are still to be
     done from what is known, or None when they no longer reach the goal. `repeatable`: they would, if the step were done
     once more. `looks` counts those since the action, `attempt` this step's tries in a row, `failures` how often it has
-    failed from the same known facts, this time included.
+    failed, this time included.
     """
 
     step: Step
@@ -100,7 +116,7 @@ class Turn:
     repeatable: bool
     looks: int
     attempt: int
-    failures: int
+    failures: Failures
 
 
 class Doubts(NamedTuple):
@@ -112,7 +128,8 @@ class Doubts(NamedTuple):
 
 
 class Dropped(NamedTuple):
-    """What of the goal was given up, and why; and a plan for the whole goal, if that has come within reach since."""
+    """What of the goal was given up, and why; or what of that is within reach after all, with a plan that reaches what
+    is left of the goal, too."""
 
     goals: Facts
     why: str = ""
@@ -146,9 +163,9 @@ def first(atoms: Collection[Atom], known: Facts, looks: int, settings: Settings)
     return Decision(DecisionKind.CONTINUE, "every atom is known")
 
 
-def before(step: Step, verdict: Verdict, waits: int, failures: int, settings: Settings) -> Decision | None:
+def before(step: Step, verdict: Verdict, waits: int, failures: Failures, settings: Settings) -> Decision | None:
     """Before a step: `verdict` holds its preconditions against what is known; `waits` looks were taken to see them
-    come true, `failures` times (this one included) the step could not begin from the same known facts."""
+    come true; `failures` are those of the step, this one included."""
     # Unknown is never true; in the state that was planned from it is false.
     unmet = tuple(sorted(verdict.violated | {atom for atom in verdict.unknown if step.preconditions[atom]}))
     if not unmet:
@@ -156,7 +173,7 @@ def before(step: Step, verdict: Verdict, waits: int, failures: int, settings: Se
     reason = f"{step} cannot begin: {_unmet(unmet, step.preconditions, verdict)}"
     if waits < settings.precondition_wait:
         return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; waiting (look {waits + 1})", unmet)
-    return _fail(reason, unmet, failures, settings.tolerated(SkillStatus.NOT_THERE))
+    return _fail(reason, unmet, failures, SkillStatus.NOT_THERE, settings)
 
 
 def after(turn: Turn, settings: Settings) -> Decision:
@@ -186,11 +203,11 @@ def after(turn: Turn, settings: Settings) -> Decision:
         return Decision(DecisionKind.CONTINUE, reason, evidence or tuple(step.effects))
     reason = _joined(reported or f"{step} did not come out", surprise, doubt)
     evidence = evidence or tuple(turn.doubts)
-    tolerated = settings.tolerated(result.status)
-    if turn.failures < tolerated and turn.repeatable and turn.attempt <= settings.max_retries:
+    enough = turn.failures.too_many(result.status, settings)
+    if not enough and turn.repeatable and turn.attempt <= settings.max_retries:
         again = f"trying again ({turn.attempt + 1} of {settings.max_retries + 1})"
         return Decision(DecisionKind.RETRY, _joined(reason, again), evidence)
-    return _fail(reason, evidence, turn.failures, tolerated)
+    return _fail(reason, evidence, turn.failures, result.status, settings)
 
 
 def assumed(result: SkillResult) -> Decision:
@@ -209,7 +226,8 @@ def crashed(result: SkillResult) -> Decision | None:
 def unplanned(no_plan: NoPlan, times: int, doubts: Doubts, settings: Settings) -> Decision:
     """The planner has no plan, for the `times`-th time in a row for this reason."""
     detail = f": {no_plan.detail}" if no_plan.detail else ""
-    reason = f"the planner answers {no_plan.reason}{detail}"
+    without = f" without {_listed(no_plan.without)}" if no_plan.without else ""
+    reason = f"the planner answers {no_plan.reason}{without}{detail}"
     if no_plan.reason is not NoPlanReason.UNSOLVABLE:
         if times == 1:
             return Decision(DecisionKind.REPLAN, f"{reason}; asking once more")
@@ -230,6 +248,12 @@ def on_a_hunch(cause: Decision, hunch: Try) -> Decision:
     """`cause` calls for giving up goals, and there is a plan for all of them if something is so that may well be."""
     reason = f"{cause.reason}; before any of it is given up, it is tried as if {hunch.doubted} were so"
     return Decision(DecisionKind.REPLAN, reason, (hunch.doubted,))
+
+
+def goes_around(cause: Decision) -> Decision:
+    """`cause` calls for giving up goals, as a step fails again and again, and there is a plan for all of them without
+    that step."""
+    return Decision(DecisionKind.REPLAN, f"{cause.reason}; there is a plan that does without it", cause.evidence)
 
 
 def given_up(cause: Decision, goal: Facts, kept: Facts, is_stuck: bool) -> Decision:
@@ -328,12 +352,16 @@ def _stop(outcome: OutcomeKind, reason: str, evidence: tuple[Atom, ...] = ()) ->
     return Decision(DecisionKind.STOP, reason, evidence, outcome)
 
 
-def _fail(reason: str, evidence: tuple[Atom, ...], failures: int, tolerated: int) -> Decision:
+def _fail(
+    reason: str, evidence: tuple[Atom, ...], failures: Failures, status: SkillStatus, settings: Settings
+) -> Decision:
     """Plan anew, unless that has led here too often."""
-    if failures < tolerated:
+    if not failures.too_many(status, settings):
         return Decision(DecisionKind.REPLAN, reason, evidence)
-    times = "for the first time" if failures == 1 else f"{failures} times"
-    return Decision(DecisionKind.GIVE_UP_GOAL, f"{reason}; it came to this {times} from the same known facts", evidence)
+    here = failures.here >= settings.tolerated(status)
+    count, where = (failures.here, "from the same known facts") if here else (failures.ever, "by now")
+    times = "for the first time" if count == 1 else f"{count} times"
+    return Decision(DecisionKind.GIVE_UP_GOAL, f"{reason}; it came to this {times} {where}", evidence)
 
 
 def _surprise(verdict: Verdict, expected: Facts) -> str:

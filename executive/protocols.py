@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -31,8 +32,14 @@ from executive.types import (
 class Planner(Protocol):
     """Finds a plan for one task from any of its states."""
 
-    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
         """A plan from `state` (atoms not mentioned are false) to `goal`; an empty plan when the goal holds already.
+
+        None of the steps in `avoid` is part of it: to this question the task is one that does not have them, and
+        unsolvable means that there is no plan without them. It takes about so many wall `seconds` at most, and less
+        where the planner has a limit of its own.
 
         Never raises for a task that has no plan, takes too long or crashes the planner: that is a `NoPlan`.
         """

@@ -115,6 +115,22 @@ class PlannerContract(ABC):
         assert isinstance(told_true, Plan)
         assert told_all.steps == told_true.steps
 
+    def test_a_plan_does_without_what_it_is_to_avoid(self) -> None:
+        state, goal = self.solvable()
+        planner, avoid = self.make(), frozenset[Step]()
+        answer = planner.plan(state, goal)
+        for _ in range(3):
+            assert isinstance(answer, Plan)
+            avoid |= {answer.steps[-1]}
+            answer = planner.plan(state, goal, avoid)
+            if isinstance(answer, NoPlan):
+                assert answer.reason is NoPlanReason.UNSOLVABLE
+                break
+            assert avoid.isdisjoint(answer.steps)
+        again = planner.plan(state, goal)
+        assert isinstance(again, Plan)
+        assert not avoid.isdisjoint(again.steps), "it is avoided in that one question alone"
+
     def test_no_plan_is_a_value_with_its_reason(self) -> None:
         answer = self.make().plan(*self.unsolvable())
         assert isinstance(answer, NoPlan)

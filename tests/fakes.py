@@ -8,6 +8,7 @@ the executive's mind: the world moves on its own clock, the estimator sees an ob
 from __future__ import annotations
 
 import json
+import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -101,7 +102,7 @@ class FakePlanner:
     """Breadth-first search over grounded steps.
 
     `answers` are given first: a `NoPlan` or plan to return, an exception to raise, or None to search after all.
-    `asked` keeps every state and goal that a plan was asked for.
+    `asked` keeps every state and goal that a plan was asked for, `avoided` the steps that it was to do without.
     """
 
     def __init__(
@@ -109,15 +110,19 @@ class FakePlanner:
     ) -> None:
         self._steps, self._answers, self._most = tuple(steps), deque(answers), most
         self.asked: list[tuple[Facts, Facts]] = []
+        self.avoided: list[frozenset[Step]] = []
 
-    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
         self.asked.append((state, goal))
+        self.avoided.append(avoid)
         answer = self._answers.popleft() if self._answers else None
         if isinstance(answer, Exception):
             raise answer
-        return answer or self._search(state, goal)
+        return answer or self._search(state, goal, avoid)
 
-    def _search(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+    def _search(self, state: Facts, goal: Facts, avoid: frozenset[Step]) -> Plan | NoPlan:
         start = state.true
         reached: dict[frozenset[Atom], tuple[Step, ...]] = {start: ()}
         queue = deque([start])
@@ -126,7 +131,7 @@ class FakePlanner:
             if all((atom in here) is value for atom, value in goal.items()):
                 steps = reached[here]
                 return Plan(steps, float(len(steps)), "breadth-first", 0.0)
-            for step in self._steps:
+            for step in (step for step in self._steps if step not in avoid):
                 if all((atom in here) is value for atom, value in step.preconditions.items()):
                     there = (here - step.effects.false) | step.effects.true
                     if there not in reached:
@@ -340,6 +345,37 @@ class FakeSkill:
     ) -> SkillResult:
         seconds = world.now - start
         return SkillResult(step, status, reason, seconds, seconds if planned is None else planned)
+
+
+class StubbornSkill(FakeSkill):
+    """Never carries out one of `never`: it says so of it, and does nothing."""
+
+    def __init__(self, never: Collection[Step], status: SkillStatus = SkillStatus.NO_PATH) -> None:
+        super().__init__()
+        self._never, self._status = frozenset(never), status
+
+    def __call__(self, step: Step, context: SkillContext) -> SkillResult:
+        if step not in self._never:
+            return super().__call__(step, context)
+        context.handle.advance(1.0)
+        return SkillResult(step, self._status, "it never works")
+
+
+class Ticking:
+    """A clock on the wall that stands still but for calls that are said to take a `second` each."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def second(self, call: Callable[..., _T]) -> Callable[..., _T]:
+        def taking(*arguments: Any) -> _T:
+            self.now += 1.0
+            return call(*arguments)
+
+        return taking
 
 
 Answer = float | None

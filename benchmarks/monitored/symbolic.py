@@ -3,6 +3,7 @@ and of a fault is simpler there than in the simulator; the executive is the same
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from executive import trust
@@ -58,7 +59,9 @@ class Courier:
         self._things = sorted(name for name, kind in some.objects.items() if kind == "thing")
         self._places = sorted(name for name, kind in some.objects.items() if kind == "place")
 
-    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
         true, steps = set(state.true), list[Step]()
 
         def do(step: Step) -> None:
@@ -77,12 +80,16 @@ class Courier:
                     if not full:
                         return NoPlan(NoPlanReason.UNSOLVABLE)
                     homes = [a.args[1] for a in goal if a.args[0] == full[0]]
-                    do(put(full[0], homes[0] if homes else self._places[0]))
+                    downs = (put(full[0], place) for place in (*homes[:1], *self._places))
+                    down = next((step for step in downs if step not in avoid), None)
+                    if down is None:
+                        return NoPlan(NoPlanReason.UNSOLVABLE)
+                    do(down)
                 if not where:
                     return NoPlan(NoPlanReason.UNSOLVABLE)
                 do(pick(thing, where[0]))
             do(put(thing, place))
-        if not true.issuperset(goal.true):
+        if not true.issuperset(goal.true) or not avoid.isdisjoint(steps):
             return NoPlan(NoPlanReason.UNSOLVABLE)
         return Plan(tuple(steps), float(len(steps)), "courier", 0.0)
 

@@ -4,6 +4,7 @@ otherwise."""
 
 from __future__ import annotations
 
+import math
 import time
 import zlib
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -202,12 +203,14 @@ class _Planner:
     def __init__(self, planner: Planner, faults: FaultInjector) -> None:
         self._planner, self._faults = planner, faults
 
-    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
         for place, fault in self._faults.felt("planner"):
             crashed = fault.way == "crash"
             self._faults.bite(place, "the planner crashes" if crashed else "the planner runs out of time")
             return NoPlan(NoPlanReason.CRASHED if crashed else NoPlanReason.TIMED_OUT, f"the fault {fault}", "fault")
-        return self._planner.plan(state, goal)
+        return self._planner.plan(state, goal, avoid, seconds)
 
 
 class _Skill:

@@ -60,7 +60,7 @@ class Published(_Strict):
 
     @property
     def atoms(self) -> tuple[Atom, ...]:
-        return tuple(Atom.parse(curve.lower()) for curve in self.curves)
+        return tuple(map(Atom.parse, self.curves))
 
 
 class Row(NamedTuple):

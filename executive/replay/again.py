@@ -11,6 +11,7 @@ be. A plan that was found from a state that is now believed to be another one is
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -26,6 +27,7 @@ from executive.looking import Looker
 from executive.loop import Executive
 from executive.monitor import Monitor
 from executive.past import remembered
+from executive.policy import exhausted
 from executive.protocols import SkillContext
 from executive.replay.record import Decided, Deed, Look, Part, Record
 from executive.types import (
@@ -98,13 +100,20 @@ class _Reel:
                 return part
         self._end(f"it looks again ({cause})")
 
-    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
         for number, part in self._here():
             if isinstance(part, Plan | NoPlan | Probed):
-                self._check(number, part, state, goal)
+                self._check(number, part, state, goal, avoid)
                 self._at, self.asked[number] = number + 1, (state, goal)
                 return part if not isinstance(part, Probed) else part.plan or part.no_plan or _never()
         self._end(f"it plans anew, for {_listed(goal.literals())}")
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all of it was taken."""
+        return self._at == len(self._parts)
 
     def deed(self, step: Step) -> SkillResult:
         for number, part in enumerate(self._parts[self._at :], start=self._at):
@@ -124,10 +133,16 @@ class _Reel:
                 return
             yield number, part
 
-    def _check(self, number: int, answer: Plan | NoPlan | Probed, state: Facts, goal: Facts) -> None:
-        """Whether the planner would say so of this state and goal, too."""
+    def _check(
+        self, number: int, answer: Plan | NoPlan | Probed, state: Facts, goal: Facts, avoid: frozenset[Step]
+    ) -> None:
+        """Whether the planner would say so of this state and goal, too, if it is to avoid those steps."""
         if isinstance(answer, Probed) and answer.goal != goal:
             self._end(f"it asks for a plan for {_listed(goal.literals())}")
+        said = (answer.plan or answer.no_plan) if isinstance(answer, Probed) else answer
+        without = tuple(sorted(map(str, avoid)))
+        if said is None or said.without != without:
+            self._end(f"it asks for a plan without {_listed(without)}" if avoid else "it asks for a plan with any step")
         if self._known is None or self._known.get(number) == (state, goal):
             return
         plan = answer.plan if isinstance(answer, Probed) else answer
@@ -244,8 +259,19 @@ class _Replayed(Executive):
             monitor=monitor,
             course=None if record.since is None else _gone_on(record, record.since, monitor),
         )
+        self._record, self._reel, self._made = record, reel, sink.decisions
         if eye is not None:
             self._looker = _Recorded(reel, eye, world, monitor, Attention(), {}, self._session, record.settings)
+
+    @property
+    def seconds(self) -> float:
+        """No time goes by in a replay. It is up where it was up then: after all that the record tells."""
+        decisions = self._record.decisions
+        out_of_time = exhausted(self.settings, seconds=math.inf)
+        at_the_end = self._reel.is_over and len(self._made) == len(decisions) - 1
+        if at_the_end and out_of_time and decisions[-1].decision.reason == out_of_time.reason:
+            return math.inf
+        return 0.0
 
 
 def _gone_on(record: Record, since: Resumed, monitor: Monitor) -> Course:

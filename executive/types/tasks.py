@@ -32,12 +32,14 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A sequence of steps, its cost, who found it and how long that took (wall seconds)."""
+    """A sequence of steps, its cost, who found it and how long that took (wall seconds); `without` are the steps that
+    it was to do without, as text."""
 
     steps: tuple[Step, ...]
     cost: float
     planner: str
     seconds: float
+    without: tuple[str, ...] = ()
 
 
 class NoPlanReason(StrEnum):
@@ -48,12 +50,14 @@ class NoPlanReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class NoPlan:
-    """Why there is no plan. Unsolvable, timed out and crashed call for different answers and are kept apart."""
+    """Why there is no plan. Unsolvable, timed out and crashed call for different answers and are kept apart. `without`
+    are the steps that a plan was to do without, as text."""
 
     reason: NoPlanReason
     detail: str = ""
     planner: str = ""
     seconds: float = 0.0
+    without: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +66,8 @@ class Task:
 
     `objects` maps each object to its type, `atoms` are all grounded boolean fluents, `goal` is signed. `declared` are
     the atoms that the problem file's :init names; they set the stage (a simulator places items accordingly), and the
-    robot is not told. `parameters` maps each of their predicates to the names of its parameters; `numeric` are the
-    names of the numeric fluents, which have no atoms and are not estimated. `static` is what is true of what no action
-    changes, as :init says; it is known, and neither estimated nor part of any state.
+    robot is not told. `parameters` maps each predicate to the names of its parameters; `numeric` are the names of the
+    numeric fluents, which have no atoms and are not estimated.
     """
 
     name: str
@@ -75,14 +78,11 @@ class Task:
     declared: frozenset[Atom] = frozenset()
     parameters: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     numeric: tuple[str, ...] = ()
-    static: frozenset[Atom] = frozenset()
 
     def __post_init__(self) -> None:
         unknown = set(self.goal) - set(self.atoms)
         if unknown:
             raise ValueError(f"the goal names {sorted(map(str, unknown))}, which the task does not have")
-        if both := self.static.intersection(self.atoms):
-            raise ValueError(f"{min(map(str, both))} is static and a fluent at once")
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from executive.course import Course
+from executive.course import Course, Leeway
 from executive.monitor.plain import PlainMonitor
 from executive.types import (
     Belief,
@@ -79,23 +79,39 @@ def test_a_failure_is_counted_where_the_step_was_begun_from() -> None:
     for attempt in range(1, 4):
         course = looked(dispatched(course), START, attempt)
         turn = course.turn(SkillResult(STEPS[0], SkillStatus.GRASP_MISSED))
-        assert (turn.rest, turn.repeatable, turn.attempt, turn.failures) == (None, True, attempt, attempt)
+        assert (turn.rest, turn.repeatable, turn.attempt) == (None, True, attempt)
+        assert turn.failures == (attempt, attempt)
         course = course.judged(turn, REPLAN)
-    assert course.failed_before(STEPS[0], START) == 3
-    assert course.failed_before(STEPS[0], GRIPPED) == 0
+    assert course.failing(STEPS[0], START) == (4, 4)
+    assert course.failing(STEPS[0], START | {at("b", "p"): False, at("b", "r"): True}) == (1, 4), "b was in the way"
+    assert course.failing(STEPS[0], START | {at("b", "q"): True}) == (4, 4), "b elsewhere has nothing to do with it"
+    assert course.failing(STEPS[2], START) == (1, 1)
     assert course.planned(Plan(STEPS, 4.0, "", 0.0), GOAL).attempt == 1
 
 
-def test_a_step_is_stuck_only_where_it_was_given_up_on() -> None:
+def test_a_plan_hangs_on_a_step_that_is_stuck_where_it_would_be_carried_out() -> None:
+    course, first = looked(dispatched(planned()), START, 1), frozenset(STEPS[:1])
+    assert not course.failed(STEPS[0], START, REPLAN).hung_on(STEPS, START, Leeway.NONE)
+    stuck, later = course.failed(STEPS[0], START, GIVE_UP), (*STEPS[2:], *STEPS[:2])
+    assert not stuck.hung_on(STEPS[2:], START, Leeway.NONE)
+    for plan in (STEPS, later):
+        assert stuck.hung_on(plan, START, Leeway.NONE) == first
+    assert stuck.hung_on(STEPS, START, Leeway.CHANGED) == first
+    assert not stuck.hung_on(later, START, Leeway.CHANGED), "b is not in the way any more by then"
+    in_vain = (pick("b", "p"), put("b", "p"), *STEPS[:2])
+    assert stuck.hung_on(in_vain, START, Leeway.CHANGED) == first, "nothing has changed by then"
+
+
+def test_a_stuck_step_is_worth_one_more_try_when_nothing_else_is_left_to_do() -> None:
     course = looked(dispatched(planned()), START, 1)
-    assert not course.failed(STEPS[0], START, REPLAN).is_stuck
     stuck = course.failed(STEPS[0], START, GIVE_UP)
-    assert stuck.is_stuck
-    assert stuck.leads_nowhere(Plan(STEPS, 4.0, "", 0.0))
-    assert not stuck.leads_nowhere(Plan(STEPS[2:], 2.0, "", 0.0))
-    assert not looked(stuck, GRIPPED, 2).is_stuck
-    elsewhere = looked(planned().failed(STEPS[0], GRIPPED, GIVE_UP), GRIPPED, 2)
-    assert elsewhere.is_stuck, "from where it had failed, not only from where that left things"
+    assert stuck.hung_on(STEPS, START, Leeway.LAST), "nothing was done since"
+    later = replace(stuck, actions=stuck.actions + 1)
+    assert later.hung_on(STEPS, START, Leeway.CHANGED)
+    assert not later.hung_on(STEPS, START, Leeway.LAST)
+    twice = replace(later.failed(STEPS[0], START, GIVE_UP), actions=later.actions + 1)
+    for leeway in Leeway:
+        assert twice.hung_on((*STEPS[2:], *STEPS[:2]), START, leeway), "given up on twice, it is left alone"
 
 
 def test_what_a_look_did_not_ask_about_is_no_doubt_but_what_it_could_not_tell_is() -> None:

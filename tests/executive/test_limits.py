@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 import signal
 import subprocess
@@ -157,7 +158,9 @@ class Hanging:
         forever()
         raise AssertionError
 
-    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
         forever()
         raise AssertionError
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
@@ -157,14 +158,16 @@ class Chaos:
         wrong = self.dice.random() < self.noise
         return self.dice.random() if wrong and self.dice.random() < 0.3 else float(truth is not wrong)
 
-    def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
         self.maybe_break()
         if self.dice.random() < self.mishap / 4:
             return NoPlan(self.dice.choice(list(NoPlanReason)), "by chance")
         if self.dice.random() < self.mishap / 4:
             steps = self.dice.choices(steps_of(self.stage.task), k=self.dice.randint(0, 4))
             return Plan(tuple(steps), 0.0, "by chance", 0.0)
-        return self.search(state, goal)
+        return self.search(state, goal, avoid)
 
     def skill(self, step: Step, context: SkillContext) -> SkillResult:
         self.maybe_break()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -18,11 +19,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from executive.errors import MissingError
-from executive.ordering import holds, replay
+from executive.grounded import SOLVED, UNSOLVABLE, Grounded, find_engine
+from executive.ordering import by_goals, holds, replay
 from executive.pddl import Schema, read_task
 from executive.planning import FastDownwardPlanner
 from executive.protocols import Planner
-from executive.types import Facts, NoPlan, NoPlanReason, Plan
+from executive.types import Atom, Facts, NoPlan, NoPlanReason, Plan
 from tests.executive.test_pddl import DATA, PAIRS
 
 Planners: TypeAlias = dict[str, FastDownwardPlanner]
@@ -100,22 +102,27 @@ def test_a_plan_leads_from_the_state_to_the_goal(planners: Planners, schemas: Sc
 def test_what_is_written_down_is_the_task_that_unified_planning_makes_of_it(
     planners: Planners, schemas: Schemas, name: str, seed: int
 ) -> None:
-    """Solvable where that is, in as few steps; goals that something be false included."""
+    """Solvable where that is, in as few steps; goals that something be false included, and steps to do without."""
     choose, task = random.Random(seed), schemas[name].task
     state = Facts({atom: choose.random() < 0.3 for atom in task.atoms})
     goal = task.goal.only(choose.sample(sorted(task.goal), choose.randint(1, len(task.goal))))
     untrue = choose.sample(sorted(state.true), min(1, len(state.true)))
     goal = Facts({**goal, **dict.fromkeys((atom for atom in untrue if atom not in goal), False)})
+    free = planners[name].plan(state, goal)
+    hung_on = free.steps if isinstance(free, Plan) else ()
+    avoid = frozenset(choose.sample(hung_on, min(len(hung_on), choose.randint(0, 2))))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("executive.planning.MOST_GROUNDED", -1)
-        judge = FastDownwardPlanner(schemas[name]).plan(state, goal)
-    answer = planners[name].plan(state, goal)
+        judge = FastDownwardPlanner(schemas[name]).plan(state, goal, avoid)
+    answer = planners[name].plan(state, goal, avoid)
     if isinstance(judge, NoPlan):
         assert isinstance(answer, NoPlan)
         assert judge.reason is answer.reason is NoPlanReason.UNSOLVABLE
     else:
         assert isinstance(answer, Plan)
         assert answer.cost == judge.cost
+        assert avoid.isdisjoint(answer.steps)
+        assert avoid.isdisjoint(judge.steps)
 
 
 @given(name=st.sampled_from(["sort-all", "tray", "dishes"]), seed=st.integers(0, 10**6))
@@ -182,6 +189,98 @@ def test_no_way_is_unsolvable_and_says_so(planners: Planners, state: str, goal: 
     answer = planners["breakfast"].plan(Facts.parse(*filter(None, state.split("; "))), Facts.parse(*goal.split("; ")))
     assert isinstance(answer, NoPlan)
     assert answer.reason is NoPlanReason.UNSOLVABLE
+
+
+ROOMS = """(define (domain rooms)
+  (:predicates (in ?room) (lit ?room) (done) (painted ?room))
+  (:action move :parameters (?from ?to) :precondition (in ?from) :effect (and (in ?to) (not (in ?from))))
+  (:action paint :parameters (?room) :precondition (in ?room) :effect (painted ?room))
+  (:action wait :parameters () :precondition () :effect ())
+  (:action rest :parameters (?room) :precondition (in ?room) :effect (and))
+  (:action work :parameters (?room) :precondition (in ?room) :effect (done)))"""
+"""Moving from a room to itself changes nothing, nor does waiting; painting changes nothing where it is done."""
+
+
+@pytest.mark.parametrize("grounded", [True, False])
+def test_29_an_action_that_changes_nothing_is_no_reason_to_fail(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, grounded: bool
+) -> None:
+    if not grounded:
+        monkeypatch.setattr("executive.planning.MOST_GROUNDED", -1)
+    (tmp_path / "domain.pddl").write_text(ROOMS)
+    (tmp_path / "problem.pddl").write_text(
+        "(define (problem go) (:domain rooms) (:objects hall kitchen)"
+        " (:init (in hall) (painted hall)) (:goal (and (in kitchen) (done) (painted kitchen))))"
+    )
+    schema = read_task(tmp_path / "domain.pddl", tmp_path / "problem.pddl")
+    found = steps(FastDownwardPlanner(schema).plan(declared(schema), schema.task.goal))
+    assert found[0] == "move(hall,kitchen)"
+    assert sorted(found[1:]) == ["paint(kitchen)", "work(kitchen)"]
+
+
+def test_actions_without_effect_are_not_written_down(tmp_path: Path) -> None:
+    (tmp_path / "domain.pddl").write_text(ROOMS)
+    (tmp_path / "problem.pddl").write_text(
+        "(define (problem go) (:domain rooms) (:objects hall kitchen) (:init (in hall)) (:goal (done)))"
+    )
+    schema = read_task(tmp_path / "domain.pddl", tmp_path / "problem.pddl")
+    task = Grounded(schema)
+    assert task.ground(lambda: False)
+    # Two moves between the rooms; in each room, to paint and to work.
+    assert len(task) == 6
+    painted = frozenset({Atom("in", ("hall",)), Atom("painted", ("hall",))})
+    goal = [(Atom("done"), True)]
+    written = [
+        task.task(true, goal).count("begin_operator") for true in (painted - {Atom("painted", ("hall",))}, painted)
+    ]
+    assert written == [6, 5], "nothing ever takes the paint off, so to paint the hall again changes nothing"
+    work = schema.ground("work", ("hall",))
+    assert task.task(painted, goal, frozenset({work})).count("begin_operator") == 4
+
+
+def test_an_engine_that_fails_is_quoted_by_the_line_that_matters() -> None:
+    engine = find_engine()
+    schema = read_task(*PAIRS["tray"])
+    task = Grounded(schema)
+    task.ground(lambda: False)
+    text = task.task(frozenset(), [(schema.task.atoms[0], True)])
+    broken = re.sub(r"\nend_operator", "\nend_of_nothing", text, count=1)
+    answer = task.search(engine, broken, ("--search", "astar(blind())"), 20.0)
+    assert answer.code not in (SOLVED, UNSOLVABLE)
+    assert "end_operator" in answer.last_words
+    assert not re.search("exit ?code|[Mm]emory|Usage", answer.last_words)
+
+
+def test_grounding_goes_on_where_it_was_told_to_stop(schemas: Schemas) -> None:
+    schema = schemas["sort-all"]
+    whole, parts = Grounded(schema), Grounded(schema)
+    assert whole.ground(lambda: False)
+    calls = 0
+    while not parts.ground(lambda: True):
+        calls += 1
+    assert calls >= len(parts), "it stops after each action"
+    question = frozenset[Atom](), [(atom, True) for atom in schema.goals]
+    assert parts.task(*question) == whole.task(*question)
+
+
+def test_a_planner_without_time_has_timed_out_and_loses_nothing(schemas: Schemas) -> None:
+    schema = schemas["breakfast"]
+    planner = FastDownwardPlanner(schema)
+    for _ in range(2):
+        answer = planner.plan(EXAMPLE_1, schema.task.goal, seconds=0.0)
+        assert isinstance(answer, NoPlan)
+        assert (answer.reason, "within 0 s" in answer.detail) == (NoPlanReason.TIMED_OUT, True)
+    assert isinstance(planner.plan(EXAMPLE_1, schema.task.goal), Plan)
+
+
+def test_an_order_of_steps_that_takes_too_long_to_find_is_left_as_it_is(planners: Planners, schemas: Schemas) -> None:
+    goal = schemas["breakfast"].task.goal
+    found = planners["breakfast"].plan(EXAMPLE_1, goal)
+    assert isinstance(found, Plan)
+    other = (*found.steps[2:], *found.steps[:2])
+    order = list(schemas["breakfast"].goals)
+    assert by_goals(EXAMPLE_1, other, goal, order) == found.steps
+    assert by_goals(EXAMPLE_1, other, goal, order, stop=lambda: True) == other
 
 
 def test_an_atom_of_another_task_is_refused(planners: Planners) -> None:

@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from executive import policy
-from executive.policy import Doubts, Dropped, Settings, Turn
+from executive.policy import Doubts, Dropped, Failures, Settings, Turn
 from executive.types import (
     Atom,
     Decision,
@@ -34,6 +34,11 @@ EXPECTED = Facts({at("a", "q"): True, at("a", "r"): False, held("a"): False, FRE
 AS_EXPECTED = Verdict(holds=frozenset(EXPECTED))
 ELSEWHERE = Verdict(holds=frozenset({held("a"), FREE}), violated=frozenset({at("a", "q"), at("a", "r")}))
 BLACK = Verdict(unknown=frozenset(EXPECTED))
+ONCE = Failures(1, 1)
+
+
+def times(count: int) -> Failures:
+    return Failures(count, count)
 
 
 def turn(status: SkillStatus = SkillStatus.DONE, **changes: object) -> Turn:
@@ -48,7 +53,7 @@ def turn(status: SkillStatus = SkillStatus.DONE, **changes: object) -> Turn:
         repeatable=False,
         looks=1,
         attempt=1,
-        failures=1,
+        failures=ONCE,
     )
     return replace(usual, **changes)  # type: ignore[arg-type]
 
@@ -109,9 +114,17 @@ def test_retries_are_bounded_in_a_row_and_over_the_run() -> None:
         for attempt in range(1, SETTINGS.max_retries + 3)
     ]
     assert kinds == [DecisionKind.RETRY] * SETTINGS.max_retries + [DecisionKind.REPLAN] * 2
-    circles = after(missed, rest=None, repeatable=True, failures=SETTINGS.max_failures)
+    circles = after(missed, rest=None, repeatable=True, failures=times(SETTINGS.max_failures))
     assert circles.kind is DecisionKind.GIVE_UP_GOAL
     assert "10 times from the same known facts" in circles.reason
+
+
+@pytest.mark.parametrize("status", [SkillStatus.GRASP_MISSED, SkillStatus.UNREACHABLE])
+def test_some_more_failures_are_too_many_whatever_was_known(status: SkillStatus) -> None:
+    most = SETTINGS.bearable(status)
+    assert most > SETTINGS.tolerated(status)
+    elsewhere = [after(status, rest=None, repeatable=True, failures=Failures(1, ever)) for ever in (most - 1, most)]
+    assert [decision.kind for decision in elsewhere] == [DecisionKind.RETRY, DecisionKind.GIVE_UP_GOAL]
 
 
 def test_a_step_whose_preconditions_are_gone_is_not_tried_again() -> None:
@@ -120,8 +133,11 @@ def test_a_step_whose_preconditions_are_gone_is_not_tried_again() -> None:
 
 def test_where_chance_plays_no_part_patience_is_shorter() -> None:
     few = SETTINGS.max_retries + 2
-    assert after(SkillStatus.UNREACHABLE, rest=None, repeatable=True, failures=few).kind is DecisionKind.GIVE_UP_GOAL
-    assert after(SkillStatus.DROPPED, rest=None, repeatable=True, failures=few).kind is DecisionKind.RETRY
+    assert (
+        after(SkillStatus.UNREACHABLE, rest=None, repeatable=True, failures=times(few)).kind
+        is DecisionKind.GIVE_UP_GOAL
+    )
+    assert after(SkillStatus.DROPPED, rest=None, repeatable=True, failures=times(few)).kind is DecisionKind.RETRY
 
 
 def test_a_doubt_that_matters_is_looked_at_as_often_as_allowed() -> None:
@@ -167,7 +183,9 @@ def turns(draw: st.DrawFn) -> Turn:
         repeatable=draw(st.booleans()),
         looks=draw(st.integers(1, 5)),
         attempt=draw(st.integers(1, 5)),
-        failures=draw(st.integers(1, 12)),
+        failures=draw(
+            st.builds(lambda here, more: Failures(here, here + more), st.integers(1, 12), st.integers(0, 12))
+        ),
     )
 
 
@@ -185,7 +203,8 @@ def test_every_turn_is_decided_within_its_budget_and_with_a_reason(
     elif decision.kind is DecisionKind.RETRY:
         assert some.repeatable
         assert some.attempt <= retries
-        assert some.failures < failures
+        assert some.failures.here < failures
+        assert some.failures.ever < settings.bearable(some.result.status)
     elif decision.kind is DecisionKind.CONTINUE:
         assert some.rest is not None
     elif decision.kind is DecisionKind.STOP:
@@ -193,35 +212,35 @@ def test_every_turn_is_decided_within_its_budget_and_with_a_reason(
     else:
         assert some.rest is None
         given_up = decision.kind is DecisionKind.GIVE_UP_GOAL
-        assert given_up == (some.failures >= settings.tolerated(some.result.status))
+        assert given_up == some.failures.too_many(some.result.status, settings)
 
 
 def test_a_step_begins_when_its_preconditions_are_known_to_hold() -> None:
     step = pick("a", "p")
-    assert policy.before(step, Verdict(holds=frozenset(step.preconditions)), 0, 1, SETTINGS) is None
+    assert policy.before(step, Verdict(holds=frozenset(step.preconditions)), 0, ONCE, SETTINGS) is None
 
 
 def test_a_precondition_is_waited_for_a_few_looks_and_then_is_a_failure() -> None:
     step = pick("a", "p")
     verdict = Verdict(frozenset({FREE}), frozenset({at("a", "p")}))
     for waits in range(SETTINGS.precondition_wait):
-        decision = policy.before(step, verdict, waits, 1, SETTINGS)
+        decision = policy.before(step, verdict, waits, ONCE, SETTINGS)
         assert decision is not None
         assert decision.kind is DecisionKind.LOOK_AGAIN
-    failed = policy.before(step, verdict, SETTINGS.precondition_wait, 1, SETTINGS)
+    failed = policy.before(step, verdict, SETTINGS.precondition_wait, ONCE, SETTINGS)
     assert failed == Decision(DecisionKind.REPLAN, "pick(a,p) cannot begin: at(a,p) does not hold", (at("a", "p"),))
-    given_up = policy.before(step, verdict, SETTINGS.precondition_wait, SETTINGS.max_retries + 2, SETTINGS)
+    given_up = policy.before(step, verdict, SETTINGS.precondition_wait, times(SETTINGS.max_retries + 2), SETTINGS)
     assert given_up is not None
     assert given_up.kind is DecisionKind.GIVE_UP_GOAL
 
 
 def test_an_unknown_precondition_is_never_taken_for_true() -> None:
     step = replace(STEP, preconditions=Facts({held("a"): True, FREE: False}))
-    unknown = policy.before(step, Verdict(unknown=frozenset({held("a"), FREE})), 2, 1, SETTINGS)
+    unknown = policy.before(step, Verdict(unknown=frozenset({held("a"), FREE})), 2, ONCE, SETTINGS)
     assert unknown is not None
     assert unknown.kind is DecisionKind.REPLAN
     assert unknown.reason == "place(a,q) cannot begin: held(a) was never seen"
-    closed = policy.before(step, Verdict(holds=frozenset({held("a")}), unknown=frozenset({FREE})), 0, 1, SETTINGS)
+    closed = policy.before(step, Verdict(holds=frozenset({held("a")}), unknown=frozenset({FREE})), 0, ONCE, SETTINGS)
     assert closed is None, "what was planned from is false where nothing is known"
 
 

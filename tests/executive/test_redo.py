@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import pytest
+
 from executive.monitor import Eye, Reading
 from executive.monitor.actions import FELT, MISSING, felt
+from executive.policy import Settings
 from executive.types import (
     Atom,
     Belief,
@@ -18,7 +21,7 @@ from executive.types import (
     SkillResult,
     SkillStatus,
 )
-from tests.fakes import FREE, ScriptedEstimator, Stage, at, held, pick, put
+from tests.fakes import FLOOR, FREE, Answer, FakePlanner, ScriptedEstimator, Stage, Ticking, at, held, pick, put
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
 CARRIED = {"pick": ("held", (0,)), "place": ("held", (0,))}
@@ -90,6 +93,37 @@ def test_a_hunch_that_is_wrong_is_not_followed_for_ever() -> None:
     assert 1 <= sum("it is tried as if" in each.reason for each in made.recorder.of(Decision)) <= 2
     reports = [each for each in made.recorder.of(SkillResult) if each.step == pick("a", "r")]
     assert {each.status for each in reports} == {SkillStatus.NOT_THERE}
+
+
+def nowhere_for_sure(settings: Settings) -> Stage:
+    """It may be in any of eleven places, and there is no plan from any of them."""
+    places = tuple("pqrstuvwxyz")
+    everywhere: dict[Atom, Answer] = {at("a", place): 0.2 for place in places}
+    made = Stage(Facts({at("a", "z"): True}), {"a": FLOOR}, places, always=everywhere, settings=settings).weighing()
+    made.planner = FakePlanner([])
+    return made
+
+
+def supposed(made: Stage) -> int:
+    """How often the planner was asked from a state in which the thing is somewhere."""
+    return sum(any(atom.predicate == "at" for atom in state.true) for state, _ in made.planner.asked)
+
+
+@pytest.mark.parametrize("most", [0, 3, 64])
+def test_so_many_hunches_are_followed_up_and_no_more(most: int) -> None:
+    made = nowhere_for_sure(Settings(max_goal_plans=most))
+    assert made.play().outcome is OutcomeKind.NO_PLAN
+    assert supposed(made) == min(most, 10), "in one of them the goal would hold already"
+
+
+def test_hunches_keep_to_the_time_that_the_run_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, clock = nowhere_for_sure(Settings(max_seconds=6.0)), Ticking()
+    monkeypatch.setattr(made.planner, "plan", clock.second(made.planner.plan))
+    monkeypatch.setattr("executive.session.time.monotonic", clock)
+    ended = made.play()
+    assert (ended.outcome, ended.reason) == (OutcomeKind.GAVE_UP, "the budget of 6 seconds is used up")
+    assert (clock.now, len(made.planner.asked)) == (6.0, 6)
+    assert 0 < supposed(made) < 10
 
 
 def test_what_is_seen_not_to_be_anywhere_is_no_reason_to_try() -> None:

@@ -47,11 +47,13 @@ from tests.fakes import (
     FakeSkill,
     ScriptedEstimator,
     Stage,
+    StubbornSkill,
     at,
     groups,
     held,
     pick,
     put,
+    steps_of,
     task,
 )
 
@@ -218,17 +220,10 @@ def test_09_another_order_is_tried_before_that() -> None:
 
 def test_09_what_remains_impossible_costs_its_own_goal_alone() -> None:
     stage = two()
-
-    class Stubborn(FakeSkill):
-        def __call__(self, step: Step, context: SkillContext) -> SkillResult:
-            if step == pick("a", "p"):
-                return SkillResult(step, SkillStatus.UNREACHABLE, "behind the pillar")
-            return super().__call__(step, context)
-
-    stage.skill = Stubborn()
+    stage.skill = StubbornSkill([pick("a", "p")], SkillStatus.UNREACHABLE)
     ended = stage.play()
     assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("at(a,q)",))
-    assert "pick(a,p) reports unreachable: behind the pillar" in ended.reason
+    assert "pick(a,p) reports unreachable: it never works" in ended.reason
     assert stage.world.where["b"] == "r"
 
 
@@ -572,3 +567,76 @@ def test_28_nothing_leaks_from_one_run_into_the_next() -> None:
     alone = play(lambda: None)
     after_another = play(lambda: Stage(Facts({at("x", "s"): True}), {"x": "t"}, ("s", "t"), script={1: "raise"}).play())
     assert alone == after_another
+
+
+def hanging_on(stuck: Step, stage: Stage) -> Stage:
+    """The stage with a planner whose plans hang on a step, where they can, and a skill that never carries it out."""
+    others = [step for step in steps_of(stage.task) if step != stuck]
+    stage.planner, stage.skill = FakePlanner([stuck, *others]), StubbornSkill([stuck])
+    return stage
+
+
+def test_30_a_plan_without_the_step_that_is_stuck_is_asked_for_before_a_goal_is_given_up() -> None:
+    """To have the hand free for b, a is put down where it cannot be: any other place would do."""
+    stage = hanging_on(put("a", "q"), two())
+    ended = stage.play()
+    assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("at(a,q)",))
+    assert stage.world.where["b"] == "r"
+    assert "place(a,q) reports no path" in ended.reason
+    assert frozenset({put("a", "q")}) in stage.planner.avoided
+
+
+def test_30_another_way_to_the_same_goal_is_taken_and_nothing_given_up() -> None:
+    stage = hanging_on(put("a", "q"), one())
+    first = put("a", "q")
+    by_the_side = Step("place", ("a", "q"), first.preconditions | {at("a", "p"): False}, first.effects)
+    stage.planner = FakePlanner([*steps_of(stage.task), by_the_side])
+    ended = stage.play()
+    assert (ended.outcome, stage.goal_true, ended.unreached) == (OutcomeKind.GOAL_REACHED, True, ())
+    assert dispatched(stage) == [pick("a", "p"), *[first] * (stage.settings.max_retries + 2), by_the_side]
+    assert DecisionKind.GIVE_UP_GOAL not in kinds(stage)
+
+
+def test_30_a_planner_that_does_not_do_without_it_costs_no_more_than_the_goal() -> None:
+    stage = hanging_on(put("a", "q"), one())
+    stage.planner.plan = lambda state, goal, avoid=frozenset(), seconds=0.0: Plan(  # type: ignore[method-assign]
+        (pick("a", "p"), put("a", "q")) if state[at("a", "p")] else (put("a", "q"),), 1.0, "stubborn", 0.0
+    )
+    ended = stage.play()
+    assert (ended.outcome, ended.actions) == (OutcomeKind.GAVE_UP, 1 + stage.settings.max_retries + 2)
+
+
+def test_30_a_step_that_was_stuck_is_tried_once_more_when_all_else_is_done() -> None:
+    """Nothing that is known tells that the way is free again."""
+    stage = hanging_on(put("a", "q"), two())
+    stubborn, willing = stage.skill, FakeSkill()
+
+    def willing_once_b_is_there(step: Step, context: SkillContext) -> SkillResult:
+        return (willing if stage.world.where["b"] == "r" else stubborn)(step, context)
+
+    stage.skill = willing_once_b_is_there  # type: ignore[assignment]
+    ended = stage.play()
+    assert (ended.outcome, stage.goal_true) == (OutcomeKind.GOAL_REACHED, True)
+
+
+@pytest.mark.parametrize("status", [SkillStatus.UNREACHABLE, SkillStatus.GRASP_MISSED, SkillStatus.DONE])
+@pytest.mark.parametrize("seed", range(6))
+def test_31_a_step_that_never_works_while_others_move_by_chance_costs_its_own_goal_alone(
+    seed: int, status: SkillStatus
+) -> None:
+    goal = Facts({at("a", "q"): True, at("b", "r"): True, at("c", "p"): True})
+    stage = Stage(goal, {"a": "p", "b": "p", "c": "q"}, settings=Settings(seed=seed))
+    never, moved = pick("a", "p"), np.random.default_rng(seed)
+    skill = StubbornSkill([never], status)
+
+    def others_move(step: Step, context: SkillContext) -> SkillResult:
+        result = skill(step, context)
+        if moved.random() < 0.4:
+            stage.world.disturb("shove", moved, item=str(moved.choice(["b", "c"])))
+        return result
+
+    stage.skill = others_move  # type: ignore[assignment]
+    ended = stage.play()
+    assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("at(a,q)",))
+    assert "at(a,q) was given up: pick(a,p)" in ended.reason
+    assert dispatched(stage).count(never) <= stage.settings.bearable(status) + 1

@@ -6,6 +6,7 @@ probabilities: it may look again as often as it has to.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
@@ -169,8 +170,10 @@ def test_07_the_world_changes_between_planning_and_the_first_dispatch(prepared: 
 
         planned = 0
 
-        def plan(self, state: Facts, goal: Facts) -> Plan | NoPlan:
-            found = planner.plan(state, goal)
+        def plan(
+            self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        ) -> Plan | NoPlan:
+            found = planner.plan(state, goal, avoid, seconds)
             self.planned += 1
             if self.planned == 1:
                 world.disturb("shove", np.random.default_rng(0), item="lemon", table="white-table")

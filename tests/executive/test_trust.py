@@ -206,7 +206,7 @@ GROUPS = (Group((Atom("hand-free"), Atom("holding", ("red-cube",)))),)
 
 @pytest.fixture
 def no_translator(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(monitoring, "find_mutexes", lambda schema: Mutexes(GROUPS, frozenset()))
+    monkeypatch.setattr(monitoring, "find_mutexes", lambda schema, timeout: Mutexes(GROUPS, frozenset()))
 
 
 @pytest.fixture

@@ -23,11 +23,25 @@ from executive.types import (
     Event,
     Facts,
     OutcomeKind,
+    Plan,
     Probed,
+    SkillStatus,
     Started,
 )
 from tests.executive.test_loop import Chaos
-from tests.fakes import FLOOR, FREE, ScriptedEstimator, Stage, at, held
+from tests.fakes import (
+    FLOOR,
+    FREE,
+    FakePlanner,
+    ScriptedEstimator,
+    Stage,
+    StubbornSkill,
+    Ticking,
+    at,
+    held,
+    put,
+    steps_of,
+)
 
 BOTH = Facts({at("a", "q"): True, at("b", "r"): True})
 
@@ -120,6 +134,31 @@ def test_a_plan_that_the_budget_did_not_allow_is_not_taken_up_again() -> None:
     stage = two(script={2: "land r"}, settings=Settings(max_replans=0))
     ended = stage.play()
     assert (ended.outcome, ended.reason) == (OutcomeKind.GAVE_UP, "the budget of 0 replans is used up")
+    repeats(stage.recorder.events, stage.monitor)
+
+
+@pytest.mark.parametrize("status", [SkillStatus.NO_PATH, SkillStatus.GRASP_MISSED])
+def test_plans_that_were_to_do_without_a_step_are_told_once_more(status: SkillStatus) -> None:
+    stage, stuck = two(), put("a", "q")
+    stage.planner = FakePlanner([stuck, *(step for step in steps_of(stage.task) if step != stuck)])
+    stage.skill = StubbornSkill([stuck], status)
+    assert stage.play().outcome is OutcomeKind.PARTIAL
+    assert "place(a,q)" in {step for plan in stage.recorder.of(Plan) for step in plan.without}
+    repeats(stage.recorder.events, stage.monitor)
+
+
+@pytest.mark.parametrize("limit", range(1, 30, 2))
+def test_a_run_whose_time_was_up_ends_there_again(limit: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each look, each question to the planner and each action takes a second, and something never works."""
+    clock, stage = Ticking(), two(settings=Settings(max_seconds=float(limit)))
+    stage.skill = StubbornSkill([put("a", "q")])
+    for part, name in ((stage.skill, "_end"), (stage.planner, "plan"), (stage.estimator, "estimate")):
+        monkeypatch.setattr(part, name, clock.second(getattr(part, name)))
+    monkeypatch.setattr("executive.session.time.monotonic", clock)
+    ended = stage.play()
+    assert clock.now <= limit + 1
+    if ended.outcome is not OutcomeKind.PARTIAL:
+        assert ended.reason == f"the budget of {limit} seconds is used up"
     repeats(stage.recorder.events, stage.monitor)
 
 
