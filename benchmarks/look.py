@@ -1,20 +1,41 @@
 """What a look costs: the shipped eye loaded, the cameras drawn, all questions of a domain answered.
 
     python -m benchmarks.look
+    python -m benchmarks.look --busy 3      # beside three processes that compute all the time
 
-Medians of wall time on this machine, in seconds. `load` is a fresh process from nothing to a model that is ready, with
-the time of importing torch and transformers in it and named apart.
+Medians of wall time on this machine, in seconds, and of the CPU time of all threads where that is said. `load` is a
+fresh process from nothing to a model that is ready, with the time of importing torch and transformers in it and named
+apart. With `--busy`, quiet looks and looks beside such processes take turns, and nothing else is measured; what counts
+is their ratio. How busy the machine is with other things stands beside it: the load when it began.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from executive.sim.world import MujocoWorld
+    from executive.types import Belief, Observation
+
+_ROUNDS = 5
+
+_BUSY = """
+import os, sys
+parent = int(sys.argv[1])
+print("busy", flush=True)
+while os.getppid() == parent:
+    for _ in range(1_000_000):
+        pass
+"""
 
 _LOAD = """
 import json, sys, time
@@ -29,22 +50,64 @@ print(json.dumps([imported - began, time.perf_counter() - imported]))
 """
 
 
+class _Taken(NamedTuple):
+    """Seconds: on the wall's clock, and of all threads together."""
+
+    wall: float
+    cpu: float
+
+
 def main() -> None:
     from executive import machine
 
     machine.require()
     arguments = _arguments()
-    loads = [_load(arguments.domain, arguments.vlm or "") for _ in range(3)]
-    row = {
-        "import torch and transformers": statistics.median(imported for imported, _ in loads),
-        "load": statistics.median(loaded for _, loaded in loads),
-        **_looks(arguments.domain, arguments.vlm, arguments.looks),
-    }
+    row = _quiet_and_busy(arguments) if arguments.busy else _alone(arguments)
     if arguments.json:
         print(json.dumps(row, indent=2))
         return
     for name, value in row.items():
         print(f"{name:32}{value:8.3f}")
+
+
+def _alone(arguments: argparse.Namespace) -> dict[str, float]:
+    loads = [_load(arguments.domain, arguments.vlm or "") for _ in range(3)]
+    return {
+        "import torch and transformers": statistics.median(imported for imported, _ in loads),
+        "load": statistics.median(loaded for _, loaded in loads),
+        **_looks(arguments.domain, arguments.vlm, arguments.looks),
+    }
+
+
+def _quiet_and_busy(arguments: argparse.Namespace) -> dict[str, float]:
+    """Quiet looks and busy ones, by turns."""
+    load, quiet, busy = os.getloadavg()[0], list[_Taken](), list[_Taken]()
+    with _opened(arguments.domain, arguments.vlm) as (ask, world):
+        for _ in range(_ROUNDS):
+            quiet += _timed(lambda: ask(world.observe()), max(1, arguments.looks // _ROUNDS))
+            with _beside_busy(arguments.busy):
+                busy += _timed(lambda: ask(world.observe()), max(1, arguments.looks // _ROUNDS))
+    return {
+        "load of the machine before": load,
+        "quiet look": _median(quiet),
+        f"look beside {arguments.busy} busy": _median(busy),
+        "ratio": _median(busy) / _median(quiet),
+        "quiet look, CPU time": statistics.median(each.cpu for each in quiet),
+        "busy look, CPU time": statistics.median(each.cpu for each in busy),
+    }
+
+
+@contextmanager
+def _beside_busy(count: int) -> Iterator[None]:
+    """Processes that do nothing but compute, for as long as the block takes; they end with this one in any case."""
+    with ExitStack() as stack:
+        for _ in range(count):
+            command = [sys.executable, "-c", _BUSY, str(os.getpid())]
+            process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE))
+            stack.callback(process.kill)
+            assert process.stdout is not None
+            process.stdout.readline()
+        yield
 
 
 def _load(domain: str, vlm: str) -> tuple[float, float]:
@@ -54,6 +117,20 @@ def _load(domain: str, vlm: str) -> tuple[float, float]:
 
 
 def _looks(name: str, vlm: str | None, count: int) -> dict[str, float]:
+    with _opened(name, vlm) as (ask, world):
+        # Always other pictures, if only by their noise: nothing that an eye keeps of a picture is to help it.
+        others = iter([world.observe() for _ in range(count)])
+        first = world.observe()
+        return {
+            f"draw {len(first.images)} pictures": _median(_timed(world.observe, count)),
+            f"answer {len(ask(first).atoms)} questions": _median(_timed(lambda: ask(next(others)), count)),
+            "whole look": _median(_timed(lambda: ask(world.observe()), count)),
+        }
+
+
+@contextmanager
+def _opened(name: str, vlm: str | None) -> Iterator[tuple[Callable[[Observation], Belief], MujocoWorld]]:
+    """What answers all questions of a domain about pictures, and the world to take them of; both warmed up."""
     from executive.domain import load_domain
     from executive.eye import EyeConfig, open_eye
     from executive.sim.world import MujocoWorld
@@ -62,29 +139,23 @@ def _looks(name: str, vlm: str | None, count: int) -> dict[str, float]:
     eye = open_eye(EyeConfig(vlm=vlm), domain.subject)
     world = MujocoWorld(domain.scene, domain.task.objects)
     try:
-        seen = world.observe()
-        eye.estimate(seen, domain.task.atoms)  # the first one warms up
-        drawing = _median(world.observe, count)
-        # Always other pictures, if only by their noise: nothing that an eye keeps of a picture is to help it.
-        others = iter([world.observe() for _ in range(count)])
-        asking = _median(lambda: eye.estimate(next(others), domain.task.atoms), count)
-        whole = _median(lambda: eye.estimate(world.observe(), domain.task.atoms), count)
+        eye.estimate(world.observe(), domain.task.atoms)
+        yield lambda seen: eye.estimate(seen, domain.task.atoms), world
     finally:
         world.close()
-    return {
-        f"draw {len(seen.images)} pictures": drawing,
-        f"answer {len(domain.task.atoms)} questions": asking,
-        "whole look": whole,
-    }
 
 
-def _median(work: Callable[[], object], count: int) -> float:
+def _timed(work: Callable[[], object], count: int) -> list[_Taken]:
     taken = []
     for _ in range(count):
-        began = time.perf_counter()
+        wall, cpu = time.perf_counter(), time.process_time()
         work()
-        taken.append(time.perf_counter() - began)
-    return statistics.median(taken)
+        taken.append(_Taken(time.perf_counter() - wall, time.process_time() - cpu))
+    return taken
+
+
+def _median(taken: Sequence[_Taken]) -> float:
+    return statistics.median(each.wall for each in taken)
 
 
 def _arguments() -> argparse.Namespace:
@@ -92,6 +163,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("domain", nargs="?", default="grocery")
     parser.add_argument("--vlm", help="another model than the shipped one")
     parser.add_argument("--looks", type=int, default=30)
+    parser.add_argument("--busy", type=int, default=0, metavar="N", help="look beside so many busy processes, too")
     parser.add_argument("--json", action="store_true")
     return parser.parse_args()
 

@@ -43,9 +43,9 @@ from executive.lab.campaign.design import Campaign
 from executive.lab.campaign.episode import FAILED, Player, Simulated
 from executive.lab.campaign.rows import read_rows
 from executive.lab.progress import told
-from executive.lab.worker import cores
 from executive.monitor import EXACT, ActionModel, Eye, Network, Reading
 from executive.mutex import find_mutexes
+from executive.threads import cores
 from executive.trust import load_outcomes
 
 PARTS = ("looks", "symbolic", "simulator")

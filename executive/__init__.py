@@ -3,6 +3,7 @@
 Importing this package loads no planner, model, simulator or viewer; each of those is imported where it is used.
 """
 
+from executive import threads  # noqa: F401  (before anything that computes is loaded)
 from executive.errors import DomainError, ExecutiveError, InputError, MissingError
 from executive.types import (
     Atom,

@@ -24,7 +24,7 @@ from typing import Any, TextIO
 
 from packaging.requirements import Requirement
 
-from executive import __version__, machine
+from executive import __version__, machine, threads
 from executive.errors import InputError, MissingError
 from executive.files import check_writable, reason
 
@@ -64,6 +64,7 @@ def examine() -> Iterator[Finding]:
     """Every part in turn."""
     trials: dict[str, Callable[[], Finding]] = {
         "system": system,
+        "threads": computing,
         "Python": python,
         "packages": packages,
         "domains": domains,
@@ -120,8 +121,14 @@ def system() -> Finding:
     except (OSError, KeyError):
         name = platform.platform(aliased=True, terse=True)
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return Finding("system", State.OK, f"{name}, {platform.machine()}, {cores} cores, {memory / 1e9:.0f} GB of memory")
+    found = f"{name}, {platform.machine()}, {threads.cores()} cores, {memory / 1e9:.0f} GB of memory"
+    return Finding("system", State.OK, found)
+
+
+def computing() -> Finding:
+    """How many threads a process computes with, and how they wait."""
+    said = (f"{name}={value}{' (yours)' if own else ''}" for name, (value, own) in threads.settings().items())
+    return Finding("threads", State.OK, f"{', '.join(said)}; {threads.cores()} cores may be used")
 
 
 def python() -> Finding:

@@ -9,8 +9,6 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
 
 def leave_with_parent(last: Callable[[], object] = lambda: None) -> None:
     """Wait until the parent is gone, do one thing more, and end this process: one whose parent was killed would wait
@@ -33,16 +31,3 @@ def deaf() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
-def single_threaded() -> Iterator[None]:
-    """Have a process that is spawned meanwhile use one thread for its sums, unless that is set already: how many there
-    are then changes no sum."""
-    added = [name for name in _ONE_THREAD if name not in os.environ]
-    os.environ.update(dict.fromkeys(added, "1"))
-    try:
-        yield
-    finally:
-        for name in added:
-            del os.environ[name]

@@ -111,9 +111,9 @@ def _processes(
     where nothing is said, saves a GPU from holding it several times."""
     from executive.lab.campaign.crew import Processes
     from executive.lab.campaign.episode import Simulated, loads_model
-    from executive.lab.worker import cores
     from executive.s3e.host import ModelHost
     from executive.s3e.loading import has_gpu
+    from executive.threads import cores
 
     if not any(map(loads_model, episodes)):
         share = False

@@ -26,6 +26,7 @@ from executive.lab import dataset
 from executive.lab.eye.sizes import RECIPES, Recipe
 from executive.lab.progress import Stage
 from executive.sim.spec import read_scene
+from executive.threads import cores, shared_by
 
 if TYPE_CHECKING:
     from executive.lab.eye.descent import Report
@@ -117,7 +118,11 @@ class Training:
             folder,
         )
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(self.config.jobs, mp_context=context, initializer=_ignore_ctrl_c) as pool:
+        jobs = self.config.jobs or cores()
+        with (
+            shared_by(jobs),
+            ProcessPoolExecutor(jobs, mp_context=context, initializer=_ignore_ctrl_c) as pool,
+        ):
             waiting = {pool.submit(pictures.draw_shard, *arguments, number) for number in missing}
             while waiting:
                 finished, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)

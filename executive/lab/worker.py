@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import signal
 import threading
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from executive.lab import dataset
 from executive.lab.dataset import Log
 from executive.lab.episode import Collector
 from executive.spawned import deaf, leave_with_parent
+from executive.threads import cores, shared_by
 
 
 class Pool:
@@ -59,7 +59,7 @@ class Pool:
 
     def submit(self, number: int, most: int) -> Future[Log | None]:
         """Have an episode played and written, cut after `most` points."""
-        with deaf():
+        with deaf(), shared_by(self.jobs):
             return self._executor.submit(_work, number, most)
 
 
@@ -101,8 +101,3 @@ def _work(number: int, most: int) -> Log | None:
     except OSError as error:
         raise InputError(f"cannot be written to ({error.strerror})", file=post.out) from None
     return episode.log
-
-
-def cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -23,7 +23,8 @@ from executive.errors import ExecutiveError
 from executive.s3e.backend import Backend, Look
 from executive.s3e.shared import Address, Ask, Count, Free, Open, Take
 from executive.s3e.vlm import TransformersBackend
-from executive.spawned import deaf, leave_with_parent, single_threaded
+from executive.spawned import deaf, leave_with_parent
+from executive.threads import shared_by
 
 _LONGEST = 60
 """Characters of the folder for temporary files: a socket's whole path has to be shorter than 104 (macOS)."""
@@ -81,7 +82,7 @@ class ModelHost:
         Path(self.address.path).unlink(missing_ok=True)
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe(duplex=False)
-        with deaf(), single_threaded(), ours:
+        with deaf(), shared_by(1, alone=True), ours:
             self._process = context.Process(target=_hold, args=(self.address, self._load, theirs), daemon=True)
             self._process.start()
             theirs.close()

@@ -20,8 +20,8 @@ from typing import Protocol
 
 from executive.lab.campaign.design import Episode
 from executive.lab.campaign.episode import Player, Row, failure
-from executive.lab.worker import cores
-from executive.spawned import deaf, leave_with_parent, single_threaded
+from executive.spawned import deaf, leave_with_parent
+from executive.threads import cores, shared_by
 
 
 class Crew(Protocol):
@@ -106,7 +106,7 @@ class Processes:
 
     def _hire(self) -> _Member:
         ours, theirs = self._context.Pipe()
-        with deaf(), single_threaded():
+        with deaf(), shared_by(self._jobs, alone=True):
             process = self._context.Process(target=_work, args=(theirs, self._prepare))
             process.start()
         theirs.close()

@@ -14,6 +14,7 @@ from typing import Any
 from executive.errors import ExecutiveError, MissingError
 from executive.lab.campaign.design import Episode
 from executive.lab.campaign.episode import Player, Row, failure
+from executive.threads import cores, shared_by
 
 
 class OnRay:
@@ -43,7 +44,8 @@ class OnRay:
             ) from None
         try:
             if address is None:
-                self._ray.init(num_cpus=jobs, include_dashboard=False, log_to_driver=False, configure_logging=False)
+                with shared_by(jobs or cores(), alone=True):
+                    self._ray.init(num_cpus=jobs, include_dashboard=False, log_to_driver=False, configure_logging=False)
             else:
                 self._ray.init(address=address, log_to_driver=False, configure_logging=False)
         except Exception as error:  # Ray raises that very class where a node does not start in time
