@@ -123,7 +123,7 @@ def _looks(name: str, vlm: str | None, count: int) -> dict[str, float]:
         first = world.observe()
         return {
             f"draw {len(first.images)} pictures": _median(_timed(world.observe, count)),
-            f"answer {len(ask(first).atoms)} questions": _median(_timed(lambda: ask(next(others)), count)),
+            f"answer {len(ask(first).probability)} questions": _median(_timed(lambda: ask(next(others)), count)),
             "whole look": _median(_timed(lambda: ask(world.observe()), count)),
         }
 

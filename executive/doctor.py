@@ -24,9 +24,10 @@ from typing import Any, TextIO
 
 from packaging.requirements import Requirement
 
-from executive import __version__, machine, threads
+from executive import __version__, machine
 from executive.errors import InputError, MissingError
 from executive.files import check_writable, reason
+from executive.threads import cores, settings
 
 _CHECKOUT = Path(__file__).resolve().parent.parent
 """Of the repository, if this is not an installed wheel."""
@@ -64,7 +65,7 @@ def examine() -> Iterator[Finding]:
     """Every part in turn."""
     trials: dict[str, Callable[[], Finding]] = {
         "system": system,
-        "threads": computing,
+        "threads": threads,
         "Python": python,
         "packages": packages,
         "domains": domains,
@@ -121,14 +122,14 @@ def system() -> Finding:
     except (OSError, KeyError):
         name = platform.platform(aliased=True, terse=True)
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    found = f"{name}, {platform.machine()}, {threads.cores()} cores, {memory / 1e9:.0f} GB of memory"
+    found = f"{name}, {platform.machine()}, {cores()} cores, {memory / 1e9:.0f} GB of memory"
     return Finding("system", State.OK, found)
 
 
-def computing() -> Finding:
+def threads() -> Finding:
     """How many threads a process computes with, and how they wait."""
-    said = (f"{name}={value}{' (yours)' if own else ''}" for name, (value, own) in threads.settings().items())
-    return Finding("threads", State.OK, f"{', '.join(said)}; {threads.cores()} cores may be used")
+    said = (f"{name}={value}{' (yours)' if own else ''}" for name, (value, own) in settings().items())
+    return Finding("threads", State.OK, f"{', '.join(said)}; {cores()} cores may be used")
 
 
 def python() -> Finding:

@@ -1,4 +1,4 @@
-"""How many threads a process computes with, and that they sleep while they wait: decided here, for every way in.
+"""How many threads a process computes with, and that they soon sleep while they wait: decided here, for every way in.
 
 Importing `executive` decides it, and so does importing anything of it, in whatever process: the command line, a
 notebook, those that are spawned. torch, OpenMP, BLAS, numba and Mesa's software renderer read what is decided from the
@@ -6,8 +6,9 @@ environment as they are loaded. What is set there already is the user's and stay
 `OMP_NUM_THREADS` where they have no variable of their own.
 
 OpenMP's threads spin while they wait for each other. On a busy machine they wait for one that has no core, and take the
-cores away from the one they wait for: a look takes ten times as long and more. Threads that sleep cost nothing that
-could be measured on an idle machine.
+cores away from the one they wait for: a look takes ten times as long and more. Threads that sleep at once are a quarter
+slower on an idle machine, as much of a look is in short sums one after the other. Ten microseconds of spinning cost
+next to nothing on a busy machine, and bridge those.
 
 A program that imports torch before `executive` has torch spin, which nothing can change afterwards: it should import
 `executive` first, or set `OMP_WAIT_POLICY=PASSIVE` itself. How many threads there are can be changed later: where numpy
@@ -23,10 +24,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-SUMS, WAITING, DRAWING, COMPILED = "OMP_NUM_THREADS", "OMP_WAIT_POLICY", "LP_NUM_THREADS", "NUMBA_NUM_THREADS"
+SUMS, DRAWING, COMPILED = "OMP_NUM_THREADS", "LP_NUM_THREADS", "NUMBA_NUM_THREADS"
+WAITING, SPINNING = "OMP_WAIT_POLICY", "GOMP_SPINCOUNT"
 
-_ALSO_WAITING = ("GOMP_SPINCOUNT", "KMP_BLOCKTIME")
-"""Other ways in which a user may have said how threads wait."""
+_WAITING = {WAITING: "PASSIVE", SPINNING: "1000"}
+"""What holds for any OpenMP, and what for GNU's, which torch's wheels have, goes before it: turns of a loop, about ten
+microseconds."""
+
+_ALL_WAITING = (*_WAITING, "KMP_BLOCKTIME")
+"""The ways in which a user may have said how threads wait."""
 
 _PROC, _CPUS = Path("/proc/self"), Path("/sys/devices/system/cpu")
 
@@ -48,7 +54,7 @@ def quota(process: Path) -> float | None:
     Args:
         process: its folder in /proc.
     """
-    found = []
+    found: list[float] = []
     with suppress(OSError, ValueError, LookupError):  # another system, or one that hides them
         groups = [line.split(":", 2)[1:] for line in (process / "cgroup").read_text().splitlines()]
         for line in (process / "mountinfo").read_text().splitlines():
@@ -64,7 +70,7 @@ def quota(process: Path) -> float | None:
 
 def settings() -> dict[str, tuple[str, bool]]:
     """The variables that hold in this process, each with its value and whether it is the user's own."""
-    names = (SUMS, "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", WAITING, *_ALSO_WAITING, DRAWING, COMPILED)
+    names = (SUMS, "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", *_ALL_WAITING, DRAWING, COMPILED)
     return {name: (os.environ[name], not _is_ours(name)) for name in names if name in os.environ}
 
 
@@ -76,7 +82,7 @@ def shared_by(workers: int, alone: bool = False) -> Iterator[None]:
         workers: how many there will be at the same time.
         alone: each does its sums on one thread, however many workers there are: then their number changes no sum.
     """
-    before = {name: os.environ.get(name) for name in (SUMS, WAITING, DRAWING, COMPILED)}
+    before = {name: os.environ.get(name) for name in (SUMS, DRAWING, COMPILED, *_WAITING)}
     wanted = _wanted(workers) | ({SUMS: "1"} if alone else {})
     os.environ.update({name: value for name, value in wanted.items() if before[name] is None or _is_ours(name)})
     try:
@@ -103,9 +109,8 @@ def _wanted(workers: int) -> dict[str, str]:
     each = max(1, cores() // workers)
     sums = max(1, min(_full_cores(), cores()) // workers)
     wanted = {SUMS: str(sums), DRAWING: str(each), COMPILED: str(each)}
-    if not any(name in os.environ for name in _ALSO_WAITING):
-        wanted[WAITING] = "PASSIVE"
-    return wanted
+    users = any(name in os.environ and not _is_ours(name) for name in _ALL_WAITING)
+    return wanted if users else wanted | _WAITING
 
 
 def _is_ours(name: str) -> bool:

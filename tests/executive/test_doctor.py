@@ -23,7 +23,8 @@ from executive.planning import FastDownwardPlanner
 from executive.s3e import loading
 from executive.types import NoPlan, NoPlanReason
 
-PARTS = ["system", "Python", "packages", "domains", "planner", "OpenGL", "Vulkan", "display", "model", "GPU", "extras"]
+PARTS = ["system", "threads", "Python", "packages", "domains", "planner", "OpenGL", "Vulkan", "display", "model", "GPU"]
+PARTS += ["extras"]
 
 
 @pytest.fixture(scope="module")
