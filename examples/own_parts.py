@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from executive.protocols import SkillContext
-from executive.sim.relations import State
+from executive.sim.relations import State, takes
 from executive.types import SkillResult, SkillStatus, Step
 
 
+@takes("item")
 def upright(state: State, item: str) -> bool:
     """upright(item): its own z axis points up, to within 15 degrees."""
     up = state.data.body(item).xmat[8]

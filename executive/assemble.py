@@ -42,6 +42,7 @@ from executive.types import Facts
 
 if TYPE_CHECKING:
     from executive.s3e.estimator import S3E
+    from executive.sim.setting import Setting
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
@@ -88,6 +89,7 @@ class Run:
         log = None if folder is None else EventLog(folder, self._unrecorded)  # from here on it is ours
         self._past = None if folder is None else Past.of(folder)
         self.domain = load_domain(config.domain, config.problem)
+        stage = checked_stage(self.domain)
         if self._past is not None:
             self._past.check(self.domain.task)
         injected = parse_faults(self.domain, config.faults)
@@ -108,7 +110,7 @@ class Run:
         if eye is not None and seeing is None:
             seeing = open_eye(eye, self.domain.subject)
         first_observation = 0 if self._past is None else self._past.observations
-        self.world, self.truth = _stage(self.domain, config, injected, first_observation)
+        self.world, self.truth = _stage(self.domain, config, injected, first_observation, stage)
         self.folder = make_folder(config, self.domain) if folder is None else folder
         self._collector = Collector()
         try:
@@ -277,27 +279,53 @@ def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
     return [parse_fault(spec, items, tables, cameras) for spec in specs]
 
 
+def checked_stage(domain: Domain) -> Setting:
+    """How the problem begins in the domain's scene, once it is certain that its predicates and what it says of the
+    beginning make sense there.
+
+    Raises:
+        DomainError: they do not.
+    """
+    from executive.sim.meaning import check_kinds, read_meanings
+    from executive.sim.setting import read_setting
+    from executive.sim.spec import read_scene
+
+    manifest, problem, task = domain.files[0], domain.files[2], domain.task
+    scene = read_scene(domain.scene).restricted_to(task.objects, domain.scene)
+    meanings = read_meanings(domain.relations, task.parameters, manifest)
+    check_kinds(meanings, task, scene, manifest)
+    return read_setting(domain.parsed.init, meanings, scene, problem)
+
+
 def _stage(
-    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int
+    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int, setting: Setting
 ) -> tuple[MujocoWorld, Truth]:
+    """The world, as the problem's :init has it begin; the robot has to see that for itself."""
+    from executive.sim.setting import check_setting
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
     task = domain.task
-    # What the problem's :init says of where things stand sets the stage; the robot has to see it for itself.
-    placed = {atom.args[0]: atom.args[1] for atom in sorted(task.declared) if domain.relations[atom.predicate] == "on"}
     world = MujocoWorld(
         domain.scene,
         task.objects,
         seed=config.seed,
-        placed=placed,
+        placed=setting.placed,
         grasp_noise=config.grasp_noise,
         home_pose=config.home_pose,
         blockings=sum(fault.kind == "block" for fault in faults),
         keep_trees=config.tree,
         first_observation=first_observation,
+        barred=setting.barred,
+        held=setting.held,
     )
-    return world, Truth(world, domain.relations, task.parameters, domain.folder / "domain.toml")
+    truth = Truth(world, domain.relations, task.parameters, domain.files[0])
+    try:
+        check_setting(domain.parsed.init, truth.of, domain.files[2])
+    except DomainError:
+        world.close()
+        raise
+    return world, truth
 
 
 def _eye(

@@ -9,8 +9,10 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -33,9 +35,11 @@ _CHECKOUT = Path(__file__).resolve().parent.parent
 """Of the repository, if this is not an installed wheel."""
 _PATIENCE = 90.0
 """Wall seconds that a trial may take; software drivers on a busy machine are slow."""
+_LONG = 300.0
+"""Wall seconds for the trial of a look, which loads everything that a run does."""
 _ROOM, _LEAST_ROOM = 1e9, 1e8
 """Bytes that should be free where runs are written, and those without which none is begun."""
-_FOR_DEVELOPERS = frozenset({"dev", "judge", "test-llm"})
+_FOR_DEVELOPERS = frozenset({"dev", "fuzz", "judge", "test-llm"})
 """Extras that nobody misses who only uses Executive."""
 
 
@@ -77,10 +81,11 @@ def examine() -> Iterator[Finding]:
         "GPU": gpu,
         "extras": extras,
         "disk": disk,
+        "look": look,
     }
     # What waits for a process can do so while the others are tried; these import, which has to happen one by one.
     with ThreadPoolExecutor() as pool:
-        futures = {part: pool.submit(_tried, part, trials[part]) for part in ("OpenGL", "Vulkan")}
+        futures = {part: pool.submit(_tried, part, trials[part]) for part in ("look", "OpenGL", "Vulkan")}
         for part, trial in trials.items():
             yield futures[part].result() if part in futures else _tried(part, trial)
 
@@ -260,15 +265,27 @@ def gpu() -> Finding:
 
 def extras() -> Finding:
     """Optional packages: what this distribution calls extras."""
+    from executive.s3e.packages import broken_torchvision, fitting_torchvision
+
     names = [name for name in _metadata().get_all("Provides-Extra") or () if name not in _FOR_DEVELOPERS]
     always = _required()
     lacking = {name: [each for each in _required(name) if each not in always and not _fits(each)] for name in names}
     there = ", ".join(name for name in names if not lacking[name])
     absent = ", ".join(name for name in names if lacking[name])
+    trouble = broken_torchvision()
+    if trouble is not None:
+        found = f"torchvision does not load beside torch {_version('torch')} ({trouble}), and counts as not installed"
+        requirement, note = fitting_torchvision()
+        command = f"{sys.executable} -m pip install --force-reinstall --no-deps {requirement}"
+        return Finding("extras", State.LIMITED, found + note, command)
     if not absent:
         return Finding("extras", State.OK, there or "none")
-    command = _pip([each for requirements in lacking.values() for each in requirements])
-    return Finding("extras", State.LIMITED, f"{there or 'none'}; not here: {absent}", command)
+    # Any torchvision would be installed, and one of another build than torch does not load.
+    wanted = [each for name in names if name != "torchvision" for each in lacking[name]]
+    commands = [_pip(wanted)] if wanted else []
+    if lacking.get("torchvision"):
+        commands.append(f"{sys.executable} -m pip install --no-deps {fitting_torchvision()[0]}")
+    return Finding("extras", State.LIMITED, f"{there or 'none'}; not here: {absent}", " && ".join(commands))
 
 
 def disk() -> Finding:
@@ -294,23 +311,46 @@ def disk() -> Finding:
     return Finding("disk", State.OK, f"{free / 1e9:.0f} GB free")
 
 
+def look() -> Finding:
+    """What a run begins with, all of it in one process and in its order: libraries may get along each by itself, and
+    end the process together."""
+    try:
+        return Finding("look", State.OK, _trial("executive.first_look", _LONG))
+    except _TrialError as error:
+        what, _, command = str(error).partition("; install it with: ")
+        report = f"{sys.executable} -X faulthandler -m executive.first_look"  # all that is known of it, for a report
+        return Finding("look", State.MISSING, f"a run would fail at its first look: {what}", command or report)
+
+
 class _TrialError(Exception):
     """A trial in a process of its own failed; says how in one line."""
 
 
-def _trial(module: str) -> str:
+def _trial(module: str, patience: float | None = None) -> str:
     """What one of our modules prints when it is run."""
-    command = [sys.executable, "-m", module]
+    command = [sys.executable, "-X", "faulthandler", "-m", module]
+    patience = _PATIENCE if patience is None else patience
     try:
-        run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=_PATIENCE, errors="replace")
+        run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=patience, errors="replace")
     except subprocess.TimeoutExpired:
-        raise _TrialError(f"it takes longer than {_PATIENCE:.0f} s") from None
+        raise _TrialError(f"it takes longer than {patience:.0f} s") from None
     if run.returncode < 0:
-        raise _TrialError(f"the driver crashes (signal {-run.returncode})")
+        raise _TrialError(f"the process crashes ({_crash(-run.returncode, run.stderr)})")
     if run.returncode:
         lines = [line for line in run.stderr.splitlines() if line.strip()]
-        raise _TrialError(_line(lines[-1]).removeprefix("OSError: ") if lines else f"exit code {run.returncode}")
+        raise _TrialError(_line(_RAISED.sub("", lines[-1])) if lines else f"exit code {run.returncode}")
     return _line(run.stdout)
+
+
+_RAISED = re.compile(r"(OSError|executive\.errors\.\w+): ")
+"""What Python writes before the message of an error that finishes the sentence."""
+
+
+def _crash(number: int, stderr: str) -> str:
+    """The signal's name, and which Python file was at work: the first that is not the import machinery."""
+    name = signal.Signals(number).name if number in {*signal.Signals} else f"signal {number}"
+    files = re.findall(r'^  File "(?!<)([^"]+)", line (\d+)', stderr, re.MULTILINE)
+    return f"{name} in {files[0][0]}:{files[0][1]}" if files else name
 
 
 def _required(extra: str = "") -> list[Requirement]:

@@ -15,7 +15,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 from executive.errors import DomainError, nearest
-from executive.manifest import MANIFEST, Looking, Source, inside
+from executive.files import read_toml
+from executive.manifest import MANIFEST, Looking, Manifest, Source, inside
 from executive.pddl import Schema, read_task, read_vocabulary
 from executive.types import Task
 
@@ -46,8 +47,9 @@ class Domain:
     """A domain and one of its problems, checked.
 
     `parsed` is what a planner is made from; `skills` maps each action to the name of the skill that carries it out,
-    `relations` each predicate to the name of the relation that is its truth in the simulator; `scene` is the file that
-    the world is built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how
+    `relations` each predicate that is not static to what is its truth in the simulator: the name of a relation, with
+    its arguments where they are not the predicate's own (`on(?tool, tray)`); `scene` is the file that the world is
+    built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how
     reliable the skills are (`executive.trust` reads it), if there is one, `looking` is how it is to look, and `files`
     are all the files that were read or located.
     """
@@ -105,11 +107,13 @@ def load_domain(
     questions, instructions = source.words(manifest)
     scene = source.file(manifest.world.scene, "world.scene")
     outcomes = None if manifest.outcomes is None else source.file(manifest.outcomes, "outcomes")
-    parsed = read_task(domain_file, problem_file)
+    parsed = read_task(domain_file, problem_file, _looked_at(manifest, questions))
     skill_of = {name: table.skill for name, table in manifest.actions.items()}
     relation_of = {name: table.relation for name, table in manifest.predicates.items()}
     source.check("actions", "skill", parsed.actions, skill_of, skills)
-    source.check("predicates", "relation", parsed.predicates, relation_of, relations)
+    source.check("predicates", "relation", parsed.predicates, relation_of, relations, parsed.static)
+    for name, said in relation_of.items():
+        relation_of[name] = source.relation(name, said, [f"?{each}" for each in parsed.task.parameters[name]])
     name = folder.resolve().name
     files = (source.path, domain_file, problem_file, scene, questions, instructions, outcomes)
     return Domain(
@@ -141,6 +145,8 @@ def load_subject(where: str | Path, problem: str | None = None) -> Subject:
     """Read what can be estimated in a domain folder, or in a shipped domain by its name. Nothing else of it needs to be
     there or supported: actions of any kind, numbers, no skills, no scene.
 
+    What no action of the domain changes is not estimated, unless questions.toml or domain.toml speaks of it.
+
     A folder without a manifest has its domain in domain.pddl and, unless `problem` names another one, its problem in
     problem.pddl; questions.toml and instructions.md are taken where they are there.
 
@@ -154,6 +160,7 @@ def load_subject(where: str | Path, problem: str | None = None) -> Subject:
         questions, instructions = (
             inside(folder, folder / name) if (folder / name).exists() else None for name in (QUESTIONS, INSTRUCTIONS)
         )
+        seen = _asked(questions)
     else:
         source = Source(folder := _locate(where))
         manifest = source.manifest()
@@ -161,8 +168,25 @@ def load_subject(where: str | Path, problem: str | None = None) -> Subject:
         default = source.file(manifest.problem, "problem")
         problem_file = default if problem is None else _problem(folder, problem)
         questions, instructions = source.words(manifest)
-    task = read_vocabulary(domain_file, problem_file)
+        seen = _looked_at(manifest, questions)
+    task = read_vocabulary(domain_file, problem_file, seen)
     return Subject(folder.resolve().name, task, domain_file, questions, instructions)
+
+
+def _looked_at(manifest: Manifest, questions: Path | None) -> set[str]:
+    """The predicates that somebody is to look at, whether an action changes them or not."""
+    return {*manifest.predicates, *_asked(questions)}
+
+
+def _asked(questions: Path | None) -> set[str]:
+    """The predicates that there is a question for. What is wrong with the file is said when it is needed."""
+    if questions is None:
+        return set()
+    try:
+        asked = read_toml(questions, mistake=DomainError).get("questions")
+    except DomainError:
+        return set()
+    return {name.lower() for name in asked} if isinstance(asked, dict) else set()
 
 
 def _locate(where: str | Path) -> Path:

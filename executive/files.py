@@ -19,7 +19,7 @@ import tokenize
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -205,6 +205,25 @@ def home(path: str | Path) -> Path:
 def reason(error: Exception) -> str:
     """What the system, or else Python, says of an error."""
     return str(getattr(error, "strerror", None) or error or type(error).__name__)
+
+
+def caseless(
+    table: Mapping[str, Any], file: Path, key: str, *, mistake: type[InputError] = InputError
+) -> dict[str, Any]:
+    """A table whose keys are names of PDDL, which knows no case: all of them in small letters, as our reader has them.
+
+    Args:
+        key: the table's own; none for the whole file.
+
+    Raises:
+        InputError: two of them are the same name.
+    """
+    names: dict[str, Any] = {}
+    for name, value in table.items():
+        if name.lower() in names:
+            raise mistake("is there twice: names of PDDL know no case", file=file, key=f"{key}.{name}".lstrip("."))
+        names[name.lower()] = value
+    return names
 
 
 def _is_deep(value: Any) -> bool:

@@ -19,12 +19,12 @@ from typing import Literal, NoReturn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.errors import DomainError, nearest
-from executive.files import LARGEST, LARGEST_TOML, parse_toml, read_text, reason
+from executive.files import LARGEST, LARGEST_TOML, caseless, parse_toml, read_text, reason
 
 MANIFEST = "domain.toml"
 
 _HEADER = re.compile(r"\s*\[+([^\[\]]+)\]")
-_CARRYING = re.compile(r"([^\s(]+)\s*\(([^()]*)\)")
+_CALL = re.compile(r"([^\s(]+)\s*\(([^()]*)\)")
 _ASSIGNMENT = re.compile(r"""\s*([\w\-."' ]+?)\s*=""")
 
 
@@ -117,6 +117,9 @@ class Source:
 
     def manifest(self) -> Manifest:
         said = parse_toml(self.text, self.path, mistake=DomainError)
+        for name in ("actions", "predicates"):
+            if isinstance(said.get(name), dict):
+                said[name] = caseless(said[name], self.path, name, mistake=DomainError)
         try:
             return Manifest.model_validate(said)
         except ValidationError as error:
@@ -157,10 +160,11 @@ class Source:
     ) -> Looking:
         """What the manifest says of looking. `predicates` and `actions` are given with their parameters."""
         said, skills = manifest.looking, _registered("skill") if skills is None else skills
+        nearer = caseless(said.closer, self.path, "looking.closer", mistake=DomainError)
         for name in said.moves:
             if name not in skills:
                 self.fail(("looking", "moves"), f"no skill {name!r} is registered; {nearest(name, skills)}")
-        for name in said.closer:
+        for name in nearer:
             if name not in (known := {*predicates, *objects}):
                 message = f"there is no predicate and no object {name!r}; {nearest(name, known)}"
                 self.fail(("looking", "closer", name), message)
@@ -169,15 +173,16 @@ class Source:
             for name, table in manifest.actions.items()
             if table.carrying is not None
         }
-        closer = {name: tuple(cameras) for name, cameras in said.closer.items()}
-        return Looking(tuple(said.moves), MappingProxyType(closer), MappingProxyType(carried), tuple(said.guard))
+        closer = {name: tuple(map(str.lower, cameras)) for name, cameras in nearer.items()}
+        guard = tuple(map(str.lower, said.guard))
+        return Looking(tuple(said.moves), MappingProxyType(closer), MappingProxyType(carried), guard)
 
     def _carried(
         self, action: str, carrying: str, names: Sequence[str], predicates: Mapping[str, Sequence[str]]
     ) -> tuple[str, tuple[int, ...]]:
         """A predicate, and the positions of its arguments among the action's parameters, which are called `names`."""
         key = ("actions", action, "carrying")
-        match = _CARRYING.fullmatch(carrying)
+        match = _CALL.fullmatch(carrying.lower())
         if match is None:
             self.fail(key, f"{carrying!r} is not a predicate of the action's parameters, such as holding(?item)")
         predicate, terms = match[1], [term.strip() for term in match[2].split(",") if term.strip()]
@@ -190,33 +195,57 @@ class Source:
                 self.fail(key, f"{action} has no parameter {term}; {nearest(term, names)}")
         return predicate, tuple(names.index(term) for term in terms)
 
+    def relation(self, predicate: str, said: str, names: Sequence[str]) -> str:
+        """What is said of a predicate, whose parameters are called `names`: the word of a relation and, where they are
+        not the predicate's own, its arguments, such as on(?tool, tray)."""
+        match = _CALL.fullmatch(said)
+        if match is None:
+            return said
+        key = ("predicates", predicate, "relation")
+        terms = [term.strip().lower() for term in match[2].split(",") if term.strip()]
+        for term in terms:
+            if term.startswith("?") and term not in names:
+                self.fail(key, f"{predicate} has no parameter {term}; {nearest(term, names)}")
+        for name in names:
+            if name not in terms:
+                self.fail(key, f"{name} is missing: {predicate} would be the same for each")
+        return f"{match[1]}({', '.join(terms)})"
+
     def check(
-        self, table: str, key: str, declared: Collection[str], given: Mapping[str, str], known: Collection[str] | None
+        self,
+        table: str,
+        key: str,
+        declared: Collection[str],
+        given: Mapping[str, str],
+        known: Collection[str] | None,
+        needless: Collection[str] = (),
     ) -> None:
-        """Everything that is declared in PDDL is assigned a word that is registered, and nothing else is."""
+        """Everything that is declared in PDDL is assigned a word that is registered, and nothing else is; `needless`
+        names what may go without."""
         known = _registered(key) if known is None else known
         what = table.removesuffix("s")
         for name, word in given.items():
             if name not in declared:
                 self.fail((table, name), f"there is no {what} {name!r} in the PDDL; {nearest(name, declared)}")
+            word = word.partition("(")[0].strip()
             if word not in known:
                 self.fail((table, name, key), f"no {key} {word!r} is registered; {nearest(word, known)}")
         for name in declared:
-            if name not in given:
+            if name not in given and name not in needless:
                 self.fail((table, name), f"is missing: name the {key} of this {what}; {nearest(name, known)}")
 
     def _line(self, key: Sequence[str]) -> int | None:
         """The line where the key is set, else where the innermost table around it begins."""
         table: tuple[str, ...] = ()
         found: tuple[int, int] | None = None
-        for number, line in enumerate(self.text.splitlines(), start=1):
+        for number, line in enumerate(self.text.lower().splitlines(), start=1):
             if header := _HEADER.match(line):
                 here = table = _parts(header[1])
             elif assignment := _ASSIGNMENT.match(line):
                 here = (*table, *_parts(assignment[1]))
             else:
                 continue
-            if here == tuple(key[: len(here)]) and (found is None or len(here) > found[0]):
+            if here == tuple(map(str.lower, key[: len(here)])) and (found is None or len(here) > found[0]):
                 found = (len(here), number)
         return None if found is None else found[1]
 

@@ -238,7 +238,7 @@ class _Names:
         self._predicate_of = {new: name for name, new in self._predicates.items()}
 
     def atoms(self, name: str) -> Iterator[Atom]:
-        """The atoms of the predicate that is called `p1`; none of the flag."""
+        """The atoms of the predicate that is called `p1`; none of the flag, nor of what is static."""
         return (atom for atom in self._schema.task.atoms if self._predicates[atom.predicate] == name)
 
     def read(self, text: str) -> Atom | None:
@@ -283,7 +283,7 @@ class _Names:
     def problem(self, true: Iterable[Atom]) -> str:
         atoms = [
             f"({' '.join((self._predicates[atom.predicate], *(self._objects[name] for name in atom.args)))})"
-            for atom in sorted(true)
+            for atom in sorted(self._schema.task.static.union(true))
         ]
         return f"(define (problem task) (:domain task) (:init {' '.join(atoms)}) (:goal (done)))"
 

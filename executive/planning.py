@@ -270,6 +270,8 @@ class _Translation:
             self._fluents[name] = Fluent(f"p_{name}", kinds.BoolType(), signature, self.environment)
         for fluent in self._fluents.values():
             self._problem.add_fluent(fluent)
+        for atom in sorted(schema.task.static):
+            self._problem.set_initial_value(self._atom(atom), True)
         self._arity = {name: len(schema.actions[name].parameters) for name in bodies}
         for name in bodies:
             action = schema.actions[name]

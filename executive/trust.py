@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.errors import DomainError, InputError, nearest
-from executive.files import home, read_json, read_toml
+from executive.files import caseless, home, read_json, read_toml
 from executive.monitor.actions import Chances
 from executive.monitor.conformal import Conformal
 from executive.monitor.eye import Eye, Reading
@@ -143,7 +143,7 @@ def load_outcomes(file: Path, actions: Collection[str]) -> Mapping[tuple[str, Sk
     said = read_toml(file, mistake=DomainError)
     statuses = [status.value for status in SkillStatus]
     counts = {}
-    for action, table in said.items():
+    for action, table in caseless(said, file, "", mistake=DomainError).items():
         if action not in actions:
             raise DomainError(f"there is no action {action!r}; {nearest(action, actions)}", file=file, key=action)
         if not isinstance(table, dict):

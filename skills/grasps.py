@@ -9,16 +9,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from executive.sim.scene import ItemShape
+from executive.sim.footprint import EDGE
+from executive.sim.scene import GRIP_DEPTH, WIDEST_GRIP, ItemShape
 from executive.sim.spec import TableSpec
 from executive.types import FloatArray
 from skills import poses
 
-_WIDEST = 0.079
-"""m between the pads that is still gripped; they open 85 mm."""
-
-_DEPTHS = (0.033, 0.020)
-"""How far below an item's top the grip point may be, in m: the fingers' knuckles begin 34 mm above it."""
+_DEPTHS = (GRIP_DEPTH, 0.020)
+"""How far below an item's top the grip point is, in m."""
 
 _PAD = 0.022
 """m from an item's end at which the pads, 22 mm wide, still press on it with all their face."""
@@ -28,6 +26,9 @@ _LOWEST = 0.021
 
 _TILTS = (0.0, 0.3, -0.3, 0.6, -0.6)
 """Rotations of the hand about its closing axis away from straight down, in rad, in order of preference."""
+
+_YAWS = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
+"""Turns about the vertical in which an item is put down, in rad."""
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -78,7 +79,7 @@ def _closing_axes(rotation: FloatArray, shape: ItemShape) -> list[FloatArray]:
             axes = [across / np.linalg.norm(across)]
     else:
         axes = [rotation[:, index] for index in range(3) if abs(float(rotation[2, index])) < 0.5]
-    return [axis for axis in axes if 2 * shape.reach(rotation.T @ axis) < _WIDEST]
+    return [axis for axis in axes if 2 * shape.reach(rotation.T @ axis) < WIDEST_GRIP]
 
 
 def on_table(item: FloatArray, shape: ItemShape, table: TableSpec, slack: float = 0.02) -> bool:
@@ -115,6 +116,32 @@ def _turned_onto(start: FloatArray, end: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + float(start @ end)))
 
 
+def fits(rotation: FloatArray, shape: ItemShape, table: TableSpec) -> bool:
+    """Whether an item with the resting `rotation` (3, 3) lies within a table's edges in some turn."""
+    return bool(_turned(rotation, shape, table))
+
+
+def _turned(rotation: FloatArray, shape: ItemShape, table: TableSpec) -> list[tuple[float, FloatArray]]:
+    """The turns in which an item with the resting `rotation` lies within a table's edges, along these first, and how
+    far its centre may then be from the table's (2,), along its axes."""
+    flat = np.abs(rotation[2])
+    own = rotation[:, int(np.argmin(flat))]
+    along = table.yaw - float(np.arctan2(own[1], own[0]))
+    found = []
+    for yaw in (*(along + 0.5 * np.pi * np.arange(4)), *_YAWS):
+        local = _turn(float(yaw) - table.yaw) @ rotation
+        free = 0.5 * np.asarray(table.size[:2]) - EDGE - [shape.reach(local.T @ axis) for axis in np.eye(3)[:2]]
+        if (free >= -1e-9).all():
+            found.append((float(yaw), np.maximum(free, 0.0)))
+    return found
+
+
+def _turn(yaw: float) -> FloatArray:
+    """The rotation (3, 3) about the vertical."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
 def spots(
     rotation: FloatArray,
     shape: ItemShape,
@@ -123,16 +150,21 @@ def spots(
     shapes: Mapping[str, ItemShape],
     rng: np.random.Generator,
     count: int = 24,
-) -> list[FloatArray]:
-    """Free places on a table, roomiest first: the item's centre (3,) for an item with `rotation`.
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Free places on a table, roomiest first: the centre (3,) of an item with the resting `rotation`, and the turns
+    about the vertical in which it can be put there.
+
+    They are such that it can be turned there in any way; on a table that is too small for that, such that it lies
+    within the edges in the turn that is drawn.
 
     Args:
         others: poses (7,) of everything else that could be in the way.
     """
     half = np.array([shape.reach(rotation.T @ axis) for axis in np.eye(3)])
     radius = float(np.hypot(half[0], half[1]))
-    inset = 0.5 * np.asarray(table.size[:2]) - radius - 0.015
-    if (inset <= 0).any():
+    inset = 0.5 * np.asarray(table.size[:2]) - radius - EDGE
+    turned = _turned(rotation, shape, table) if (inset <= 0).any() else []
+    if not turned and (inset <= 0).any():
         return []
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
     obstacles = []
@@ -141,13 +173,17 @@ def spots(
         if corners[:, 2].max() > table.centre[2] - 0.02:
             middle = corners[:, :2].mean(axis=0)
             obstacles.append((middle, float(np.linalg.norm(corners[:, :2] - middle, axis=1).max())))
-    found: list[tuple[float, FloatArray]] = []
-    for local in rng.uniform(-1.0, 1.0, (120, 2)) * inset:
+    found: list[tuple[float, FloatArray, FloatArray]] = []
+    for number, share in enumerate(rng.uniform(-1.0, 1.0, (120, 2))):
+        local, yaws = share * inset, _YAWS
+        if turned:
+            yaw, free = turned[number % len(turned)]
+            local, yaws = share * free, np.array([yaw])
         point = np.array(table.centre[:2]) + np.array([[cos, -sin], [sin, cos]]) @ local
         room = min((float(np.linalg.norm(point - middle)) - size - radius for middle, size in obstacles), default=1.0)
         if room > -0.04:  # the outlines are circles; whether the shapes themselves touch is for the collision check
             # Beyond what the fingers need, more room is no better; then a place near the middle is easier to reach.
             worth = min(room, 0.07) - 0.1 * float(np.linalg.norm(local))
-            found.append((worth, np.array([*point, table.centre[2] + half[2] + 0.003])))
-    found.sort(key=lambda pair: -pair[0])
-    return [place for _, place in found[:count]]
+            found.append((worth, np.array([*point, table.centre[2] + half[2] + 0.003]), yaws))
+    found.sort(key=lambda entry: -entry[0])
+    return [(place, yaws) for _, place, yaws in found[:count]]

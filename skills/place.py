@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executive.protocols import SkillContext
+from executive.sim import footprint
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 from skills import grasps, poses
 from skills.arm import CARRYING, Attempt, SkillError, go_home, perform, withdraw
@@ -19,7 +20,6 @@ _LOWER = np.linspace(0.10, 0.0, 8)
 _RETREAT = np.linspace(0.015, 0.10, 6)
 """Distances from the released item in m through which the hand withdraws."""
 
-_YAWS = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 _MOST_PLANS = 6
 
 
@@ -35,8 +35,9 @@ class _Descent:
 def place(step: Step, context: SkillContext) -> SkillResult:
     """Put `item`, which the hand holds, on a free spot of `table`; with a home pose, go there afterwards.
 
-    It reports NOT_THERE when the hand does not hold the item, UNREACHABLE when no free spot is within reach, NO_PATH
-    when none can be got to, DROPPED when the item slips out on the way, TIMED_OUT when the arm is held up.
+    It reports NOT_THERE when the hand does not hold the item, DOES_NOT_FIT when it is larger than the table as it is
+    held, UNREACHABLE when no free spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips
+    out on the way, TIMED_OUT when the arm is held up.
     """
     return perform(step, context, _place)
 
@@ -75,9 +76,11 @@ def _descents(attempt: Attempt, held: Held, table: str) -> list[_Descent]:
     now = arm.kinematics.forward(start) @ held.in_hand
     upright = grasps.resting(now, shape)
     found: list[_Descent] = []
-    for spot in grasps.spots(upright, shape, top, others, attempt.handle.shapes, attempt.context.rng):
+    if not grasps.fits(upright, shape, top):
+        raise SkillError(SkillStatus.DOES_NOT_FIT, f"{held.item} does not fit on {table}, {footprint.top(top)}")
+    for spot, yaws in grasps.spots(upright, shape, top, others, attempt.handle.shapes, attempt.context.rng):
         attempt.heed()
-        for yaw in _YAWS:
+        for yaw in yaws:
             target = np.eye(4)
             target[:3, :3] = Rotation.from_euler("z", float(yaw)).as_matrix() @ upright
             target[:3, 3] = spot - target[:3, :3] @ shape.centre

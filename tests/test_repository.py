@@ -26,7 +26,7 @@ def test_it_is_cited_by_its_version_and_licence() -> None:
 
 def test_the_changelog_begins_with_this_version() -> None:
     versions = re.findall(r"^## (\S+)", text("CHANGELOG.md"), flags=re.MULTILINE)
-    assert versions[0] == __version__
+    assert next(version for version in versions if version != "Unreleased") == __version__
     assert len(set(versions)) == len(versions)
 
 

@@ -168,7 +168,8 @@ class _Reader:
             self._refuse(f"say when: {name}@4 for the 4th action or {name}:p=0.3 for a chance in each, and not both")
         if not self._way and self._kind.ways and not self._kind.way:
             self._refuse(f"say how: {', '.join(self._kind.ways)}")
-        item, other, table, camera = (given.get(key) for key in ("item", "with", "table", "camera"))
+        item, other = (_as_written(given.get(key), self._items) for key in ("item", "with"))
+        table, camera = _as_written(given.get("table"), self._tables), given.get("camera")
         for named, what, valid in (
             (item, "an item", self._items),
             (other, "an item", self._items),
@@ -235,6 +236,7 @@ class _Reader:
                 self._take_way(key)
                 continue
             if self._name == "camera" and equals and key not in keys:
+                key = _as_written(key, self._cameras) or key
                 if self._cameras is not None and key not in self._cameras:
                     self._refuse(f"no camera {key!r}, {nearest(key, [*self._cameras, *keys])}")
                 if not _NAME.fullmatch(key):
@@ -276,3 +278,8 @@ class _Reader:
 
     def _refuse(self, message: str) -> NoReturn:
         raise InputError(f"fault {self._spec!r}: {message}; write for example {EXAMPLES}")
+
+
+def _as_written(name: str | None, valid: Collection[str] | None) -> str | None:
+    """The name as those that may be named write it: names know no case."""
+    return next((each for each in valid or () if name is not None and each.lower() == name.lower()), name)

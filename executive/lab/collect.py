@@ -22,6 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from executive.assemble import checked_stage
 from executive.domain import Domain, load_domain
 from executive.errors import ExecutiveError, InputError
 from executive.lab import card, dataset
@@ -101,6 +102,7 @@ class Collection:
     def __init__(self, config: CollectConfig, warn: Callable[[str], None] = lambda line: None) -> None:
         self.config = config
         self.domain = load_domain(config.domain, config.problem)
+        checked_stage(self.domain)
         self._what = _described(config, self.domain)
         self._digest = dataset.digest(self._what)
         self._cancelled = False

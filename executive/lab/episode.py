@@ -97,7 +97,7 @@ class Collector:
     def _play(
         self, number: int, most: int, world: MujocoWorld, stopped: Callable[[], bool], tell: Callable[[], None]
     ) -> Episode | None:
-        truth, atoms = Truth(world, self.domain.relations), self.domain.task.atoms
+        truth, atoms = Truth(world, self.domain.relations, self.domain.task.parameters), self.domain.task.atoms
         chance, faults = self._chance(number, 0), FaultInjector([self._slips], world, self._derived(number, 3))
         attempts: list[Attempt] = []
         points: list[Point] = []

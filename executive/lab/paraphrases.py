@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from executive.errors import DomainError, nearest
-from executive.files import read_toml
+from executive.files import caseless, read_toml
 from executive.s3e import Templates
 from executive.types import Atom, Task
 
@@ -44,6 +44,7 @@ class Paraphrases:
             DomainError: the first mistake, in one line with file and key.
         """
         tables = _read(file)
+        tables = {name: caseless(table, file, name, mistake=DomainError) for name, table in tables.items()}
         questions = {name: _texts(file, "questions", name, value) for name, value in tables["questions"].items()}
         objects = {name: _texts(file, "objects", name, value) for name, value in tables.get("objects", {}).items()}
         names = dict(own.objects) if own else {}

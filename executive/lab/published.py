@@ -60,7 +60,7 @@ class Published(_Strict):
 
     @property
     def atoms(self) -> tuple[Atom, ...]:
-        return tuple(map(Atom.parse, self.curves))
+        return tuple(Atom.parse(curve.lower()) for curve in self.curves)
 
 
 class Row(NamedTuple):

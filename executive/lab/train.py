@@ -19,6 +19,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from executive.assemble import checked_stage
 from executive.domain import Domain, load_domain
 from executive.errors import InputError
 from executive.files import read_json
@@ -78,6 +79,7 @@ class Training:
         self.config = config
         self.recipe: Recipe = RECIPES[config.recipe]
         self.domain: Domain = load_domain(config.domain, config.problem)
+        checked_stage(self.domain)
         self._cancelled = False
         self._check_folder()
 

@@ -35,6 +35,7 @@ DEFAULTS: Mapping[SkillStatus, Chances] = MappingProxyType(
         SkillStatus.DROPPED: Chances(0.03, 0.17, 0.80),
         SkillStatus.NO_PATH: Chances(0.01, 0.97, 0.02),
         SkillStatus.UNREACHABLE: Chances(0.01, 0.97, 0.02),
+        SkillStatus.DOES_NOT_FIT: Chances(0.01, 0.97, 0.02),
         SkillStatus.NOT_THERE: Chances(0.01, 0.19, 0.80),  # it is somewhere else than was believed
         SkillStatus.TIMED_OUT: Chances(0.30, 0.40, 0.30),
         SkillStatus.CANCELLED: Chances(0.20, 0.50, 0.30),

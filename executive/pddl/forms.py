@@ -30,6 +30,9 @@ _SECTIONS = {
     "domain": frozenset([":requirements", ":types", ":constants", ":predicates", ":action"]),
     "problem": frozenset([":domain", ":requirements", ":objects", ":init", ":goal"]),
 }
+DEEDS = frozenset([":action", ":durative-action", ":derived", ":process", ":event"])
+"""What says that something may change."""
+
 _EVERY_SECTION = frozenset().union(*_SECTIONS.values())
 _REFUSED = {
     ":functions": "numeric fluents",
@@ -69,7 +72,8 @@ class Form:
 class PddlFile:
     """One PDDL file: its sections, and a way to complain about a line of it.
 
-    With `only`, these sections are read and every other one that PDDL has is passed over, supported or not.
+    With `only`, these sections are read and every other one that PDDL has is passed over, supported or not; `actions`
+    are then all that may change something, of whatever kind.
     """
 
     def __init__(self, path: Path, kind: str, only: frozenset[str] | None = None) -> None:
@@ -82,7 +86,9 @@ class PddlFile:
         self.actions: list[Form] = []
         self._sections: dict[str, Form] = {}
         for form in definition.rest[1:]:
-            if only is None or form.head in only or form.head not in _SECTIONS[kind] | _REFUSED.keys():
+            if only is not None and form.head in DEEDS:
+                self.actions.append(form)
+            elif only is None or form.head in only or form.head not in _SECTIONS[kind] | _REFUSED.keys():
                 self._add(form, only or _SECTIONS[kind])
 
     def fail(self, line: int, message: str) -> NoReturn:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
 from executive.errors import DomainError, nearest
 from executive.pddl.forms import Form, PddlFile, shorten
-from executive.pddl.schema import OBJECT, Action, Condition, Equality, Forall, Literal, Schema, Typing
+from executive.pddl.schema import OBJECT, Action, Condition, Equality, Forall, Literal, Said, Schema, Typing, literals
 from executive.types import Atom, Facts, Task
 
 MOST_ATOMS = 10_000
-"""Every atom is a question to the estimator at every look; a task with more of them was not meant for one."""
+"""Every atom is a question to the estimator at every look; a task with more of them was not meant for one. What is
+static is known, and does not count."""
 
 _REFUSED = {
     "or": "a disjunction",
@@ -160,8 +161,9 @@ class _Words:
         return (self.literal(file, form, scope, where),)
 
 
-def read_task(domain: Path, problem: Path) -> Schema:
-    """Read a domain and one of its problems.
+def read_task(domain: Path, problem: Path, seen: Collection[str] = ()) -> Schema:
+    """Read a domain and one of its problems. Predicates that no action changes are static, but for those in `seen`,
+    which somebody is to look at all the same.
 
     Raises:
         DomainError: naming the file and the line of the first mistake, or of the first thing that is not supported.
@@ -179,12 +181,14 @@ def read_task(domain: Path, problem: Path) -> Schema:
 
     file = PddlFile(problem, "problem")
     _declare_problem(words, source, file)
-    return _schema(words, source, file, actions)
+    changed = {each.predicate for action in actions.values() for each in literals(action.effects)}
+    return _schema(words, source, file, actions, frozenset(words.predicates.keys() - changed.union(seen)))
 
 
-def read_vocabulary(domain: Path, problem: Path) -> Task:
+def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> Task:
     """Read what there is to ask about, for whoever estimates and does not plan: a task with all its atoms, without a
-    goal. Whatever else the files say is passed over, supported or not; numeric fluents are named.
+    goal. Whatever else the files say is passed over, supported or not; numeric fluents are named. Predicates that no
+    action changes are not asked about, but for those in `seen`; where there are no actions, nothing is known to stay.
 
     Raises:
         DomainError: naming the file and the line of the first mistake in what is read.
@@ -196,8 +200,10 @@ def read_vocabulary(domain: Path, problem: Path) -> Task:
     words.declare_functions(source)
     file = PddlFile(problem, "problem", frozenset([":domain", ":requirements", ":objects"]))
     _declare_problem(words, source, file)
-    parameters, numeric = dict(words.parameters), tuple(words.functions)
-    atoms = _atoms(words, file)
+    changed = {name for form in source.actions for name in _changed(form)}
+    static = words.predicates.keys() - changed.union(seen) if source.actions else ()
+    parameters = {name: known for name, known in words.parameters.items() if name not in static}
+    numeric, atoms = tuple(words.functions), _atoms(words, file, static)
     return Task(source.name, file.name, dict(words.objects), atoms, Facts(), parameters=parameters, numeric=numeric)
 
 
@@ -222,9 +228,22 @@ def _declare_problem(words: _Words, source: PddlFile, file: PddlFile) -> None:
         file.fail(1, "there are no objects")
 
 
-def _atoms(words: _Words, problem: PddlFile) -> tuple[Atom, ...]:
-    """Every predicate over every tuple of objects that fits its types."""
-    tuples = ((name, args) for name, kinds in words.predicates.items() for args in words.typing.tuples(kinds))
+def _changed(form: Form) -> Iterator[str]:
+    """The words that may be predicates which an action of any kind, or an axiom, changes."""
+    if form.head == ":derived":
+        waiting = list(form.rest[:1])
+    else:
+        waiting = [value for key, value in zip(form.rest, form.rest[1:], strict=False) if key.word == ":effect"]
+    while waiting:
+        part = waiting.pop()
+        yield part.head
+        waiting += part.rest[1:] if part.head == "when" else part.items or ()
+
+
+def _atoms(words: _Words, problem: PddlFile, static: Collection[str]) -> tuple[Atom, ...]:
+    """Every predicate that is not static over every tuple of objects that fits its types."""
+    fluents = ((name, kinds) for name, kinds in words.predicates.items() if name not in static)
+    tuples = ((name, args) for name, kinds in fluents for args in words.typing.tuples(kinds))
     atoms = tuple(Atom(name, args) for name, args in islice(tuples, MOST_ATOMS + 1))
     if len(atoms) > MOST_ATOMS:
         raise DomainError(f"there are more than {MOST_ATOMS} atoms", file=problem.path, key=":objects")
@@ -264,22 +283,27 @@ def _action(words: _Words, file: PddlFile, form: Form) -> Action:
     return Action(name, tuple(parameters.items()), preconditions, effects)
 
 
-def _schema(words: _Words, domain: PddlFile, problem: PddlFile, actions: Mapping[str, Action]) -> Schema:
+def _schema(
+    words: _Words, domain: PddlFile, problem: PddlFile, actions: Mapping[str, Action], static: frozenset[str]
+) -> Schema:
     typing = words.typing
     for action in actions.values():
         size = typing.size(action.preconditions) + typing.size(action.effects)
         if size > MOST_ATOMS:
             raise DomainError(f"action {action.name} has {size} conditions once written out", file=domain.path)
-    atoms = _atoms(words, problem)
-    declared: set[Atom] = set()
+    atoms = _atoms(words, problem, static)
+    said: dict[Atom, Said] = {}
     init = problem.section(":init")
     for form in init.rest if init else ():
         if form.head == "=":
             problem.fail(form.line, f":init: {shorten(form)} is not supported: numeric fluents")
         negated = form.head == "not" and len(form.rest) == 1
         literal = words.literal(problem, form.rest[0] if negated else form, {}, ":init")
-        if not negated:
-            declared.add(Atom(literal.predicate, literal.terms))
+        atom = Atom(literal.predicate, literal.terms)
+        if said.setdefault(atom, Said(not negated, form.line)).value is negated:
+            problem.fail(form.line, f":init says {atom} and its opposite, on line {said[atom].line}")
+    facts = frozenset(atom for atom, (value, _) in said.items() if value and atom.predicate in static)
+    staged = {atom: entry for atom, entry in said.items() if atom.predicate not in static}
 
     goal = problem.section(":goal")
     if goal is None or len(goal.rest) != 1:
@@ -291,17 +315,22 @@ def _schema(words: _Words, domain: PddlFile, problem: PddlFile, actions: Mapping
     for condition in typing.expand(conditions, {}):
         if isinstance(condition, Literal):
             atom = Atom(condition.predicate, condition.terms)
-            if goals.setdefault(atom, condition.positive) is not condition.positive:
+            if atom.predicate in static:
+                if (atom in facts) is not condition.positive:
+                    is_so = "is not" if condition.positive else "is"
+                    problem.fail(goal.line, f":goal: {atom} {is_so} so by :init, and no action changes that")
+            elif goals.setdefault(atom, condition.positive) is not condition.positive:
                 problem.fail(goal.line, f":goal asks for {atom} and for its opposite")
     if not goals:
-        problem.fail(goal.line, ":goal asks for nothing")
+        problem.fail(goal.line, ":goal asks for nothing that is not so already")
     task = Task(
         domain.name,
         problem.name,
         dict(words.objects),
         atoms,
         Facts(goals),
-        frozenset(declared),
-        dict(words.parameters),
+        frozenset(atom for atom, (value, _) in staged.items() if value),
+        {name: known for name, known in words.parameters.items() if name not in static},
+        static=facts,
     )
-    return Schema(task, typing, dict(words.predicates), dict(actions), tuple(goals))
+    return Schema(task, typing, dict(words.predicates), dict(actions), tuple(goals), static, staged)

@@ -6,9 +6,11 @@ Pure values. Conditions are conjunctions of literals, equalities and universally
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import NamedTuple, TypeAlias
 
 from executive.types import Atom, Facts, Step, Task
 
@@ -43,6 +45,15 @@ class Forall:
 
 
 Condition: TypeAlias = Literal | Equality | Forall
+
+
+def literals(conditions: Iterable[Condition]) -> Iterator[Literal]:
+    """All literals among conditions, those under quantifiers too."""
+    for condition in conditions:
+        if isinstance(condition, Forall):
+            yield from literals(condition.body)
+        elif isinstance(condition, Literal):
+            yield condition
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +117,20 @@ class Typing:
         return total
 
 
+class Said(NamedTuple):
+    """What `:init` says of an atom: whether it is true, and on which line of the problem file."""
+
+    value: bool
+    line: int
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Schema:
     """Everything that a planner needs, read once: the task, and its actions and goals as the files have them.
 
     `predicates` maps each name to the types of its parameters; `goals` are the goal's atoms in the order in which the
-    problem file names them (`Task.goal` is sorted).
+    problem file names them (`Task.goal` is sorted). `static` are the predicates that are what `:init` says, and `init`
+    is all that `:init` says of the others.
     """
 
     task: Task
@@ -119,10 +138,23 @@ class Schema:
     predicates: Mapping[str, tuple[str, ...]]
     actions: Mapping[str, Action]
     goals: tuple[Atom, ...]
+    static: frozenset[str] = frozenset()
+    init: Mapping[Atom, Said] = field(default_factory=lambda: MappingProxyType({}))
+
+    def giving(self, atoms: Collection[Atom]) -> frozenset[Step]:
+        """All steps that make any of the atoms true."""
+        predicates, found = {atom.predicate for atom in atoms}, set[Step]()
+        for name, action in self.actions.items():
+            adds = {each.predicate for each in literals(action.effects) if each.positive}
+            for args in self.typing.tuples([kind for _, kind in action.parameters]) if adds & predicates else ():
+                with suppress(ValueError):  # this one can never be carried out
+                    step = self.ground(name, args)
+                    found |= {step} if step.effects.true.intersection(atoms) else set()
+        return frozenset(found)
 
     def ground(self, name: str, args: Sequence[str]) -> Step:
-        """The step `name(args)`, static preconditions included. An atom both deleted and added is true afterwards,
-        as in PDDL.
+        """The step `name(args)`. What is static is known, and so is no precondition of it. An atom both deleted and
+        added is true afterwards, as in PDDL.
 
         Raises:
             ValueError: no such action, arguments that do not fit, or an instance that can never be carried out.
@@ -142,6 +174,9 @@ class Schema:
         for condition in self.typing.expand(action.preconditions, binding):
             if isinstance(condition, Equality):
                 possible = (condition.left == condition.right) is condition.positive
+            elif condition.predicate in self.static:
+                holds = Atom(condition.predicate, condition.terms) in self.task.static
+                possible = holds is condition.positive
             else:
                 atom = Atom(condition.predicate, condition.terms)
                 possible = preconditions.setdefault(atom, condition.positive) is condition.positive

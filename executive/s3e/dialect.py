@@ -29,6 +29,10 @@ _MOST = re.compile(
     r"(?:at most|maximum|max allowed|<=|less than or equal to|no more than|not exceed|up to|0 (?:and|to)|\[?0,)"
     r"\D{0,40}?(\d{1,4})"
 )
+_COUNTED = re.compile(
+    r"logprobs\W.{0,60}\binteger|top_logprobs\W.{0,60}(?:not support|not permitted|unknown)"
+    r"|(?:unsupported|unrecognized|unknown|unexpected|extra)\b.{0,60}top_logprobs"
+)
 _TOKENS = re.compile(r"use\W+max_completion_tokens|max_completion_tokens\W+instead|\bmax_tokens\b.{0,60}not support")
 _SYSTEM = re.compile(
     r"\b(?:system|developer)\W{1,3}(?:role|message|prompt|instruction)|role\W.{0,40}\bsystem\b|roles must alternate"
@@ -44,6 +48,8 @@ class Dialect:
         tokens: what it calls the most tokens that a reply may have.
         fewest_tokens: how many of them it wants to be asked for at least.
         most_listed: how many of the likeliest tokens it lists at most; None where it has named no limit.
+        counted: whether `logprobs` is how many tokens it lists, as in the older API for completions, which has no
+            `top_logprobs`.
         effort: what it calls not to think.
         system: whether there may be a system prompt of its own; else it goes before the user's text.
     """
@@ -52,6 +58,7 @@ class Dialect:
     tokens: str = "max_tokens"
     fewest_tokens: int = 1
     most_listed: int | None = None
+    counted: bool = False
     effort: str = _EFFORTS[0]
     system: bool = True
 
@@ -63,6 +70,8 @@ class Dialect:
             body[self.tokens] = max(body.pop("max_tokens"), self.fewest_tokens)
         if self.most_listed is not None and "top_logprobs" in body:
             body["top_logprobs"] = min(body["top_logprobs"], self.most_listed)
+        if self.counted and "top_logprobs" in body:
+            body["logprobs"] = body.pop("top_logprobs")
         if not self.system:
             body["messages"] = _without_system(body["messages"])
         return body
@@ -82,8 +91,10 @@ class Dialect:
         changed = self
         if "logprob" in said:
             most = _number(_MOST, said)
-            if most is not None and 2 <= most < sent.get("top_logprobs", 0):
+            if most is not None and 2 <= most < sent.get("top_logprobs", sent.get("logprobs", 0)):
                 return replace(changed, most_listed=most)
+            if "top_logprobs" in sent and _COUNTED.search(said):
+                return replace(changed, counted=True)
         elif "token" in said:
             if self.tokens == "max_tokens" and "max_tokens" in sent and _TOKENS.search(said):
                 return replace(changed, tokens="max_completion_tokens")

@@ -14,9 +14,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from executive.errors import ExecutiveError, InputError, MissingError, nearest
-from executive.native import keep_triton_apart
+from executive.errors import ExecutiveError, InputError, nearest
 from executive.s3e.checkpoint import CONFIG, PROCESSORS, Checkpoint, read_object
+from executive.s3e.packages import EXTRAS, importing, needed, unloadable
 
 if TYPE_CHECKING:
     import torch
@@ -26,9 +26,6 @@ DEVICES = ("auto", "cpu", "cuda", "mps")
 
 GPUS = ("/dev/nvidiactl", "/dev/nvmap", "/dev/dxg", "/dev/kfd")
 """What drivers that torch can use put there on Linux: NVIDIA's on a PC and on a Jetson, WSL2's, AMD's."""
-
-EXTRAS = {"torchvision": "torchvision", "num2words": "smolvlm"}
-"""What some family's processor asks for and the default installation lacks -> our extra that brings it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +49,12 @@ def load(checkpoint: Checkpoint, device: str = "auto", dtype: str = "auto") -> L
 
     Raises:
         InputError: the device or the dtype is none, or the checkpoint is no image-text-to-text model or a broken one.
-        MissingError: the checkpoint's family needs a package that is not installed.
+        MissingError: the checkpoint's family needs a package that is not installed, or torch or transformers is broken.
     """
-    keep_triton_apart()
-    import torch
-    from transformers import AutoModelForImageTextToText
-    from transformers.models.auto.modeling_auto import MODEL_FOR_IMAGE_TEXT_TO_TEXT_MAPPING_NAMES as FAMILIES
+    with importing():
+        import torch
+        from transformers import AutoModelForImageTextToText
+        from transformers.models.auto.modeling_auto import MODEL_FOR_IMAGE_TEXT_TO_TEXT_MAPPING_NAMES as FAMILIES
 
     place = choose_device(device)
     kind = choose_dtype(dtype, place, checkpoint.half)
@@ -69,10 +66,10 @@ def load(checkpoint: Checkpoint, device: str = "auto", dtype: str = "auto") -> L
 
 def load_language_model(checkpoint: Checkpoint, device: str = "auto", dtype: str = "auto") -> Loaded:
     """Load a checkpoint that writes text and sees nothing. Arguments and errors are those of `load`."""
-    keep_triton_apart()
-    import torch
-    from transformers import AutoModelForCausalLM, AutoTokenizer
-    from transformers.models.auto.modeling_auto import MODEL_FOR_CAUSAL_LM_MAPPING_NAMES as FAMILIES
+    with importing():
+        import torch
+        from transformers import AutoModelForCausalLM, AutoTokenizer
+        from transformers.models.auto.modeling_auto import MODEL_FOR_CAUSAL_LM_MAPPING_NAMES as FAMILIES
 
     place = choose_device(device)
     kind = choose_dtype(dtype, place, checkpoint.half)
@@ -89,8 +86,8 @@ def choose_device(wanted: str) -> str:
     Raises:
         InputError: torch knows no such device, or has it not.
     """
-    keep_triton_apart()
-    import torch
+    with importing():
+        import torch
 
     there = {"cpu": 1, "cuda": torch.cuda.device_count(), "mps": int(torch.backends.mps.is_available())}
     if wanted == "auto":
@@ -134,8 +131,8 @@ def choose_dtype(wanted: str, device: str, half: bool) -> str:
 def native_bfloat16() -> bool:
     """Whether this machine's CPU multiplies in bfloat16 by itself. Where it does not, torch emulates, some 100 times
     slower than float32."""
-    keep_triton_apart()
-    import torch
+    with importing():
+        import torch
 
     able = torch.cpu.get_capabilities()
     return any(able.get(name, False) for name in ("amx_bf16", "avx512_bf16", "bf16", "sve_bf16"))
@@ -148,7 +145,8 @@ def load_processor(checkpoint: Checkpoint) -> Any:
         InputError: it is no processor for pictures and chat, or a broken one.
         MissingError: it needs a package that is not installed.
     """
-    from transformers import AutoProcessor
+    with importing():
+        from transformers import AutoProcessor
 
     with _in_one_line(checkpoint, "its processor cannot be loaded"):
         try:
@@ -264,12 +262,8 @@ def _in_one_line(checkpoint: Checkpoint, what: str, file: str = "") -> Iterator[
         raise
     except ImportError as error:
         package = next((name for name in EXTRAS if name in str(error).lower()), None)
-        if package is None:
-            raise
-        raise MissingError(
-            f"{checkpoint.name}: a {checkpoint.model_type} prepares its prompts with {package}",
-            command=f"pip install 'executive[{EXTRAS[package]}]'",
-        ) from None
+        kind = f"{checkpoint.name}: a {checkpoint.model_type}"
+        raise (unloadable(kind, error) if package is None else needed(package, kind)) from None
     except Exception as error:
         reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
         raise InputError(f"{what} ({type(error).__name__}: {reason[:300]})", file=checkpoint.folder / file) from error

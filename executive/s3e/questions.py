@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import NoReturn, Protocol, runtime_checkable
 
 from executive.errors import DomainError, nearest
-from executive.files import read_text, read_toml
+from executive.files import caseless, read_text, read_toml
 from executive.s3e import prompts
 from executive.s3e.backend import TRUE_FALSE
 from executive.types import Atom, Questions, Task
@@ -66,7 +66,8 @@ class Templates:
                 raise DomainError(f"expected a table, got {table!r}", file=file, key=name)
         if "questions" not in tables:
             raise DomainError("is missing: the table with one question per predicate", file=file, key="questions")
-        return cls(tables["questions"], tables.get("objects", {}), file).checked()
+        texts = {name: caseless(tables.get(name, {}), file, name, mistake=DomainError) for name in valid}
+        return cls(texts["questions"], texts["objects"], file).checked()
 
     def checked(self) -> Templates:
         """These templates, every text of which is one that can be asked.
@@ -147,7 +148,7 @@ class Templates:
         for _, place, options, conversion in parts:
             if options or conversion:
                 self._fail("questions", predicate, f"{{{place}}} is a placeholder without ':' and '!'")
-        return [place for _, place, _, _ in parts if place is not None]
+        return [place.lower() for _, place, _, _ in parts if place is not None]
 
     def _check_placeholders(self, predicate: str, known: tuple[str, ...]) -> None:
         places = self._places(predicate)
@@ -159,14 +160,14 @@ class Templates:
         used = {valid[place] for place in places}
         for index, name in enumerate(known):
             if index not in used:
-                place = name if name in valid else str(index + 1)
+                place = name if name.lower() in valid else str(index + 1)
                 self._fail("questions", predicate, f"{{{place}}} is missing: every {place} would be asked the same")
 
     def _fill(self, atom: Atom, known: tuple[str, ...], names: Mapping[str, str]) -> str:
         positions = _positions(known)
         filled = []
         for literal, place, _, _ in string.Formatter().parse(self.predicates[atom.predicate]):
-            filled += [literal, "" if place is None else names[atom.args[positions[place]]]]
+            filled += [literal, "" if place is None else names[atom.args[positions[place.lower()]]]]
         return "".join(filled).strip()
 
     def _warnings(self, task: Task) -> tuple[str, ...]:
@@ -265,6 +266,6 @@ def _parameters(task: Task) -> dict[str, tuple[str, ...]]:
 
 def _positions(known: Iterable[str]) -> dict[str, int]:
     """Every valid placeholder, and which argument it stands for. A name that two parameters share stands for none."""
-    names = tuple(known)
+    names = tuple(name.lower() for name in known)
     positions = {name: index for index, name in enumerate(names) if names.count(name) == 1}
     return {**positions, **{str(index + 1): index for index in range(len(names))}}

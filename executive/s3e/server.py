@@ -94,9 +94,9 @@ class ServerBackend:
             raise ServerError(f"{heard.reason}{hint}", file=self.server.url)
         asked = f"{self.name} was asked {CHECK!r} to begin with"
         if heard.yes + heard.no < LEAST_MASS:
-            thinks = "; it thinks first: switch that off at the server" if "think" in heard.said.lower() else ""
-            put = f"put {heard.yes + heard.no:.0%} on yes and no and would rather say {heard.said}"
-            return f"{asked}, {put}{thinks}. What it is as unsure about will be unanswered"
+            thinks = "It thinks first: switch that off at the server. " if "think" in heard.said.lower() else ""
+            put = f"put {heard.yes + heard.no:.0%} on yes and no, and would rather say {heard.said}"
+            return f"{asked}, {put}. {thinks}What it takes like this question will be unanswered"
         if heard.no > heard.yes:
             share = heard.no / (heard.yes + heard.no)
             return f"{asked}, and says no ({share:.0%}). Its answers about pictures may be worth no more"
@@ -230,13 +230,13 @@ def hear(reply: Any, words: AnswerWords) -> Heard:
         ReplyError: the reply has no log-probabilities, or such that are none, or none but those of what it says.
     """
     try:
-        entries = reply["choices"][0]["logprobs"]["content"][:REACH]
+        entries = _entries(reply["choices"][0]["logprobs"])[:REACH]
         said, places = "".join(_spelling(entry["token"]) for entry in entries), [_place(entries[0])]
         for entry in entries[1:]:
             if not _DRESSING.fullmatch(places[-1].token):
                 break
             places.append(_place(entry))
-    except (LookupError, TypeError, AttributeError):
+    except (LookupError, TypeError, AttributeError, ValueError):
         raise _no_logprobs(reply) from None
     yes, no, way = 0.0, 0.0, 1.0
     for place in places:
@@ -256,6 +256,17 @@ def hear(reply: Any, words: AnswerWords) -> Heard:
         way *= min(1.0, place.probability / max(1.0, total))
     begun = _DRESSING.fullmatch(places[-1].token) is not None
     return Heard(yes, no, rather(said, places[0].probability), begun)
+
+
+def _entries(logprobs: Any) -> list[Any]:
+    """What is said of each token, in the form that chats have; some servers answer in that of the older API."""
+    if logprobs.get("content") is not None or "tokens" not in logprobs:
+        return list(logprobs["content"])
+    said = zip(logprobs["tokens"], logprobs["token_logprobs"], logprobs["top_logprobs"] or (), strict=True)
+    return [
+        {"token": token, "logprob": own, "top_logprobs": [{"token": t, "logprob": p} for t, p in (top or {}).items()]}
+        for token, own, top in said
+    ]
 
 
 class _Place(NamedTuple):

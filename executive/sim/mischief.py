@@ -208,7 +208,7 @@ def _push(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, 
     axes = [np.array([cos, sin]), np.array([-sin, cos])]
     axis = max((sign * axis for axis in axes for sign in (1.0, -1.0)), key=lambda axis: float(axis @ away))
     half = 0.5 * float(table.size[0] if abs(axis @ axes[0]) > 0.5 else table.size[1])
-    beyond = half - float((here[:2] - np.asarray(table.centre[:2])) @ axis) + placement.footprint(shape) + 0.03
+    beyond = half - float((here[:2] - np.asarray(table.centre[:2])) @ axis) + placement.circle(shape) + 0.03
     here[:2] += beyond * axis
     _place(world, item, here)
     world.settle(1.0)

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from executive.errors import DomainError, nearest
+from executive.sim import footprint
 from executive.sim.scene import ItemShape
 from executive.sim.spec import SceneSpec, TableSpec
 from executive.types import FloatArray
+
+_ROUNDS, _TRIES = 200, 60
+"""How often it is begun anew to find places by real outlines, and how many spots are tried for each item."""
+
+_RASTER = np.linspace(-1.0, 1.0, 41)
+"""Where it is looked on a table for a place within reach: shares of what is free along either axis."""
 
 
 def draw(
@@ -19,11 +27,16 @@ def draw(
     placed: Mapping[str, str],
     rng: np.random.Generator,
     file: Path,
+    barred: Mapping[str, Collection[str]] = MappingProxyType({}),
 ) -> dict[str, FloatArray]:
-    """A pose (7,) for every item. `placed` fixes the table of some; the rest stand on any.
+    """A pose (7,) for every item. `placed` fixes the table of some, `barred` says where some do not stand; the rest
+    stand on any.
+
+    Items are kept apart by the circles around them, which is quick; where no place is found so, by their outlines.
 
     Raises:
-        DomainError: an item is declared to stand where there is no table, or the items do not fit.
+        DomainError: an item is declared to stand where there is no table, is too large for the tables that it may stand
+            on, these are out of the arm's reach, or no room was found.
     """
     tables = [table.name for table in spec.tables]
     for item, table in placed.items():
@@ -35,13 +48,113 @@ def draw(
         poses: dict[str, FloatArray] = {}
         # Items with a fixed table first: they have the least choice.
         for item in sorted(shapes, key=lambda name: name not in placed):
-            found = free_spot(spec, shapes, item, poses, rng, placed.get(item))
+            found = free_spot(spec, shapes, item, poses, rng, placed.get(item), barred.get(item, ()))
             if found is None:
                 break
             poses[item] = found[1]
         else:
             return {item: poses[item] for item in shapes}
-    raise DomainError("the items do not fit on the tables: widen them or lower the gap", file=file, key="placement.gap")
+    return _draw_by_outlines(spec, shapes, placed, rng, file, barred)
+
+
+def _draw_by_outlines(
+    spec: SceneSpec,
+    shapes: Mapping[str, ItemShape],
+    placed: Mapping[str, str],
+    rng: np.random.Generator,
+    file: Path,
+    barred: Mapping[str, Collection[str]],
+) -> dict[str, FloatArray]:
+    """What `draw` draws where circles are too wide; or what is wrong: their size, their reach, or the room."""
+    allowed = {
+        item: tuple(
+            table
+            for table in spec.tables
+            if placed.get(item, table.name) == table.name and table.name not in barred.get(item, ())
+        )
+        for item in shapes
+    }
+    for item, shape in shapes.items():
+        allowed[item] = _standable(spec, shape, allowed[item], file)
+    largest_first = sorted(shapes, key=lambda item: (len(allowed[item]), -float(np.prod(shapes[item].half[:2]))))
+    for _ in range(_ROUNDS):
+        poses: dict[str, FloatArray] = {}
+        there: list[footprint.Placed] = []
+        for item in largest_first:
+            outline = footprint.standing(shapes[item])
+            for _ in range(_TRIES):
+                table = allowed[item][int(rng.integers(len(allowed[item])))]
+                yaw = float(rng.uniform(-np.pi, np.pi))
+                free = _free_half(spec, outline, table, yaw)
+                spot = _on(table, rng.uniform(-1.0, 1.0, 2) * free)
+                here = footprint.Placed(outline, spot, yaw)
+                if (
+                    (free > 0).all()
+                    and _within_reach(spec, spot)
+                    and all(here.apart(other) >= spec.placement.gap for other in there)
+                ):
+                    poses[item] = upright(shapes[item], spot, table, yaw)
+                    there.append(here)
+                    break
+            else:
+                break
+        else:
+            return {item: poses[item] for item in shapes}
+    names = sorted({table.name for item in shapes for table in allowed[item]})
+    raise DomainError(
+        f"no room was found for {', '.join(shapes)} on {', '.join(names)}: widen the tables or lower the gap "
+        "(places are drawn by chance: where it is close, another seed may find some)",
+        file=file,
+        key="placement.gap",
+    )
+
+
+def _standable(spec: SceneSpec, shape: ItemShape, tables: tuple[TableSpec, ...], file: Path) -> tuple[TableSpec, ...]:
+    """Those of the tables on which an item could stand if it were alone.
+
+    Raises:
+        DomainError: there are none, and whether for the item's size or for the arm's reach.
+    """
+    outline, margin = footprint.standing(shape), spec.placement.margin
+    large = [table for table in tables if outline.fits(table, margin)]
+    if not large:
+        sizes = " or ".join(f"{table.name}, {footprint.top(table)}" for table in tables)
+        raise DomainError(
+            f"{shape.name}, {outline}, does not fit on {sizes}, with a margin of {100 * margin:g} cm: make it smaller, "
+            "or the table larger",
+            file=file,
+            key="table",
+        )
+    reachable = tuple(table for table in large if _somewhere_within_reach(spec, outline, table))
+    if not reachable:
+        near, far = spec.robot.reach
+        names = " or ".join(table.name for table in large)
+        raise DomainError(
+            f"{shape.name} could stand on {names} only out of reach, which is {near:g} to {far:g} m from the robot",
+            file=file,
+            key="robot.reach",
+        )
+    return reachable
+
+
+def _somewhere_within_reach(spec: SceneSpec, outline: footprint.Outline, table: TableSpec) -> bool:
+    across, along = np.meshgrid(_RASTER, _RASTER)
+    shares = np.stack([across.ravel(), along.ravel()], axis=-1)
+    for yaw in np.linspace(0.0, np.pi, 37):
+        free = _free_half(spec, outline, table, table.yaw + float(yaw))
+        if (free > 0).all() and any(_within_reach(spec, _on(table, share * free)) for share in shares):
+            return True
+    return False
+
+
+def _within_reach(spec: SceneSpec, spot: FloatArray) -> bool:
+    near, far = spec.robot.reach
+    return near <= float(np.hypot(spot[0] - spec.robot.position[0], spot[1] - spec.robot.position[1])) <= far
+
+
+def _free_half(spec: SceneSpec, outline: footprint.Outline, table: TableSpec, yaw: float) -> FloatArray:
+    """Half the extents (2,) of where on a table, along its axes, the centre of an outline turned by `yaw` may be."""
+    return 0.5 * np.asarray(table.size[:2]) - spec.placement.margin - outline.extent(yaw - table.yaw)
 
 
 def free_spot(
@@ -51,22 +164,21 @@ def free_spot(
     others: Mapping[str, FloatArray],
     rng: np.random.Generator,
     table: str | None = None,
+    barred: Collection[str] = (),
 ) -> tuple[str, FloatArray] | None:
     """A random upright pose for one item that keeps its distance from all others: (table, pose), or None."""
     shape = shapes[item]
-    radius = footprint(shape)
-    nearest_reach, farthest_reach = spec.robot.reach
+    radius = circle(shape)
     for _ in range(200):
         top = spec.tables[int(rng.integers(len(spec.tables)))]
         yaw = float(rng.uniform(-np.pi, np.pi))
         spot = random_point(top, radius + spec.placement.margin, rng)
-        if spot is None or (table is not None and top.name != table):
+        if spot is None or (table is not None and top.name != table) or top.name in barred:
             continue
-        distance = float(np.hypot(spot[0] - spec.robot.position[0], spot[1] - spec.robot.position[1]))
-        if not nearest_reach <= distance <= farthest_reach:
+        if not _within_reach(spec, spot):
             continue
         apart = (
-            np.hypot(*(pose[:2] - spot)) >= radius + footprint(shapes[other]) + spec.placement.gap
+            np.hypot(*(pose[:2] - spot)) >= radius + circle(shapes[other]) + spec.placement.gap
             for other, pose in others.items()
         )
         if all(apart):
@@ -74,7 +186,7 @@ def free_spot(
     return None
 
 
-def footprint(shape: ItemShape) -> float:
+def circle(shape: ItemShape) -> float:
     """Radius in m of the circle around an upright item's outline."""
     return float(shape.half[0] if shape.axis == 2 else np.hypot(shape.half[0], shape.half[1]))
 
@@ -83,8 +195,11 @@ def random_point(table: TableSpec, inset: float, rng: np.random.Generator) -> Fl
     """A uniformly random point (2,) of the table's top, `inset` from every edge; None when nothing is left."""
     half = 0.5 * np.asarray(table.size[:2]) - inset
     local = rng.uniform(-1.0, 1.0, 2) * half
-    if (half <= 0).any():
-        return None
+    return None if (half <= 0).any() else _on(table, local)
+
+
+def _on(table: TableSpec, local: FloatArray) -> FloatArray:
+    """The point (2,) in the world of a point (2,) of a table's top in its own frame."""
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
     return np.array(
         [table.centre[0] + cos * local[0] - sin * local[1], table.centre[1] + sin * local[0] + cos * local[1]]

@@ -1,17 +1,24 @@
 """What a predicate means in the simulator: the truth that scores a run, labels pictures and answers for the oracle.
 
-Each relation is registered under the entry-point group `executive.relations`, so that a domain names it by a word.
+Each relation is registered under the entry-point group `executive.relations`, so that a domain names it by a word. It
+says by `takes` which kinds of things it is about, and domains are held to that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal, TypeVar
 
 import mujoco
 import numpy as np
 
 from executive.sim.spec import TableSpec
+
+Kind = Literal["item", "table", "thing"]
+"""What a relation may be about: an [[item]] of the scene, a [[table]], or either."""
+
+_Relation = TypeVar("_Relation", bound=Callable[..., bool])
 
 _LEFT = ("left_outer_knuckle", "left_inner_finger", "left_inner_knuckle")
 _RIGHT = ("right_outer_knuckle", "right_inner_finger", "right_inner_knuckle")
@@ -40,6 +47,17 @@ class State:
         return touching
 
 
+def takes(*kinds: Kind) -> Callable[[_Relation], _Relation]:
+    """Declares of a relation of which kinds its parameters after the state are, in their order."""
+
+    def declare(relation: _Relation) -> _Relation:
+        vars(relation)["takes"] = kinds
+        return relation
+
+    return declare
+
+
+@takes("item", "table")
 def on(state: State, item: str, table: str) -> bool:
     """The item rests on the table, directly or on other items, and is not gripped.
 
@@ -61,12 +79,14 @@ def on(state: State, item: str, table: str) -> bool:
     return table == min(sorted(tables), key=lambda name: _outside(centre, state.tables[name]))
 
 
+@takes("item")
 def gripping(state: State, item: str) -> bool:
     """The item is between the fingers: both touch it."""
     touching = state.contacts(item)
     return not touching.isdisjoint(_LEFT) and not touching.isdisjoint(_RIGHT)
 
 
+@takes()
 def gripper_empty(state: State) -> bool:
     """No item is between the fingers."""
     return not any(gripping(state, item) for item in state.items)

@@ -42,7 +42,13 @@ PADS = ("left_fingerpad_collision", "right_fingerpad_collision")
 PAD_HALF_THICKNESS = 0.001
 
 GRIP_SITE = "grip_site"
-"""Between the finger pads. Its z axis points out of the hand, its y axis from pad to pad."""
+"""Between the finger pads. Its z axis points out of the hand, its x axis from pad to pad."""
+
+WIDEST_GRIP = 0.079
+"""m between the pads that is still gripped; they open 85 mm."""
+
+GRIP_DEPTH = 0.033
+"""How far below an item's top the grip point may be, in m: the fingers' knuckles begin 34 mm above it."""
 
 VISUAL, COLLISION, ITEM = 1, 0, 2
 """Geom groups: what is only drawn, what only collides, and items, which do both."""
@@ -314,6 +320,28 @@ def _camera(scene: mujoco.MjSpec, camera: CameraSpec) -> None:
         fovy=camera.fovy_degrees,
         resolution=[camera.width, camera.height],
     )
+
+
+def in_hand(shape: ItemShape, grip: FloatArray, hand: FloatArray) -> FloatArray | None:
+    """The pose (7,) of an item that hangs upright between the fingers, gripped near its top; None where it is too wide.
+
+    Args:
+        grip, hand: where the grip point is (3,), and the axes of its site as columns (3, 3), in the world.
+    """
+    closing, approach = hand[:, 0], hand[:, 2]
+    widths = shape.half[:2] if shape.axis is None else [shape.reach(axis) for axis in np.eye(3)[:2]]
+    across = int(np.argmin(widths))
+    if 2 * float(widths[across]) > WIDEST_GRIP:
+        return None
+    up = -approach
+    rotation = np.empty((3, 3))
+    rotation[:, across], rotation[:, 2] = closing, up
+    # The third axis makes it a rotation: x cross y is z.
+    rotation[:, 1 - across] = np.cross(up, closing) if across == 0 else np.cross(closing, up)
+    centre = grip + max(0.0, float(shape.half[2]) - GRIP_DEPTH) * approach
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.flatten())
+    return np.concatenate([centre - rotation @ shape.centre, quaternion])
 
 
 _ROUND = {"can": 2, "bottle": 2, "lemon": 0}

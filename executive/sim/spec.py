@@ -11,14 +11,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from executive.errors import DomainError, nearest
 from executive.files import read_toml
 
 Vec3 = tuple[float, float, float]
 Colour = tuple[float, float, float, float]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$"), AfterValidator(str.lower)]
+"""In small letters: PDDL, which these are the names of, knows no case."""
+
 Positive = Annotated[float, Field(gt=0)]
 
 ASSETS = ("milk", "bread", "lemon", "can", "cereal", "bottle")

@@ -3,25 +3,16 @@ only what assembles a run and what scores one may import this module."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import entry_points
-from inspect import signature
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
 import mujoco
 
-from executive.errors import DomainError, nearest
+from executive.sim.meaning import Meaning, read_meanings
 from executive.sim.relations import State
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Belief, Facts, Observation
-
-Relation = Callable[..., bool]
-
-
-def relations() -> dict[str, Relation]:
-    """The registered relations by name."""
-    return {point.name: point.load() for point in entry_points(group="executive.relations")}
 
 
 class Truth:
@@ -29,7 +20,7 @@ class Truth:
 
     Args:
         world: the simulated world.
-        meaning: predicate -> name of the relation that is its truth.
+        meaning: predicate -> the relation that is its truth (see `executive.sim.meaning`).
         parameters: predicate -> the names of its parameters, to be held against the relation's.
         file: the domain file, for the error message.
 
@@ -44,18 +35,8 @@ class Truth:
         parameters: Mapping[str, Sequence[str]] = MappingProxyType({}),
         file: Path | None = None,
     ) -> None:
-        known = relations()
-        for predicate, name in meaning.items():
-            key = f"predicates.{predicate}.relation"
-            if name not in known:
-                raise DomainError(f"no relation {name!r} is registered; {nearest(name, known)}", file=file, key=key)
-            takes, has = len(signature(known[name]).parameters) - 1, len(parameters.get(predicate, ()))
-            if predicate in parameters and takes != has:
-                raise DomainError(
-                    f"{name!r} needs {takes} object{'s' * (takes != 1)}, this predicate has {has}", file=file, key=key
-                )
         self._world = world
-        self._meaning = {predicate: known[name] for predicate, name in meaning.items()}
+        self.meanings = read_meanings(meaning, parameters, file)
 
     def of(self, atoms: Sequence[Atom]) -> Facts:
         """The truth of each atom now."""
@@ -63,7 +44,11 @@ class Truth:
         mujoco.mj_forward(world.model, world.data)
         tables = {table.name: table for table in world.spec.tables}
         state = State(world.model, world.data, tables, tuple(world.shapes))
-        return Facts({atom: bool(self._meaning[atom.predicate](state, *atom.args)) for atom in atoms})
+        return Facts({atom: self._holds(self.meanings[atom.predicate], state, atom) for atom in atoms})
+
+    @staticmethod
+    def _holds(meaning: Meaning, state: State, atom: Atom) -> bool:
+        return bool(meaning.relation(state, *meaning.about(atom)))
 
 
 class Oracle:

@@ -9,6 +9,7 @@ import itertools
 import weakref
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import mujoco
 import numpy as np
@@ -35,6 +36,9 @@ RATED_ACCELERATION = np.full(6, 8.0)
 RATED_JERK = np.full(6, 200.0)
 """rad/s^3. No data sheet gives one either; with this, the full acceleration is there after 40 ms."""
 
+_HAND_OVER = 0.6
+"""Seconds for which an item is held up for the fingers to close on it."""
+
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _NOT_WRITTEN_HERE = (
     *(ValueError, LookupError, TypeError, AttributeError, OverflowError),
@@ -50,6 +54,8 @@ class MujocoWorld:
         objects: the problem's objects, name -> type; every one needs a body in the scene.
         seed: fixes where the items stand and every error of perception.
         placed: item -> table for the items whose place the problem declares.
+        barred: item -> tables on which it does not stand.
+        held: the item that the hand holds at the beginning, by contact and friction as ever.
         grasp_noise: standard deviation in m of the horizontal error with which a grasped item's pose is known.
         home_pose: whether skills end at the home pose.
         blockings: how often a table is going to be blocked; that many times the boxes for it wait out of sight.
@@ -57,7 +63,8 @@ class MujocoWorld:
         first_observation: the number of the first look.
 
     Raises:
-        DomainError: the scene file is wrong, an object has no body, or the items find no place.
+        DomainError: the scene file is wrong, an object has no body, the items find no place, or the hand cannot hold
+            what it is to hold.
         MissingError: robosuite or an off-screen OpenGL is missing.
     """
 
@@ -72,6 +79,8 @@ class MujocoWorld:
         blockings: int = 0,
         keep_trees: bool = False,
         first_observation: int = 0,
+        barred: Mapping[str, Collection[str]] = MappingProxyType({}),
+        held: str | None = None,
     ) -> None:
         spec = read_scene(file).restricted_to(objects, file)
         self.items = tuple(item.name for item in spec.items)
@@ -102,7 +111,7 @@ class MujocoWorld:
         self._pads = [self.model.geom(name).id for name in scene.PADS]
         self._places = {item.name: self.model.joint(f"{item.name}/free").qposadr[0] for item in self.spec.items}
         limits = self._limits(file)
-        self._reset(dict(placed or {}), file)
+        self._reset(dict(placed or {}), file, barred, held)
         stage = self.spec
         # The handle refers back weakly: a world holds a hundred megabytes, which go when its owner lets go of it.
         self.handle = Handle(
@@ -291,28 +300,56 @@ class MujocoWorld:
             home=home,
         )
 
-    def _reset(self, placed: dict[str, str], file: Path) -> None:
+    def _reset(
+        self,
+        placed: dict[str, str],
+        file: Path,
+        barred: Mapping[str, Collection[str]] = MappingProxyType({}),
+        held: str | None = None,
+    ) -> None:
         home = np.asarray(self.spec.robot.home)
         self._closed = 0.0
         for _ in range(20):
             mujoco.mj_resetData(self.model, self.data)
             self.data.qpos[self._arm] = home
             self.command(home, np.zeros(6))
-            shapes = {item: self.shapes[item] for item in self.items}
-            poses = placement.draw(self.spec, shapes, placed, self._placement_rng, file)
+            shapes = {item: self.shapes[item] for item in self.items if item != held}
+            poses = placement.draw(self.spec, shapes, placed, self._placement_rng, file, barred)
             for item, pose in poses.items():
                 self.put(item, pose)
             for number, box in enumerate(self.boxes):
                 self.put(box, mischief.aside(self.spec, number, float(self.shapes[box].half[2])))
+            if held is not None:
+                self.put(held, mischief.aside(self.spec, len(self.boxes), float(self.shapes[held].half[2])))
             mujoco.mj_forward(self.model, self.data)
             if touched := self._touched_by_arm() - self._places.keys():
                 raise DomainError(f"there the arm touches {min(touched)}", file=file, key="robot.home")
+            if held is not None:
+                self._hand_over(held, file)
             self.settle(0.6)
+            if held is not None and self.gripped() != held:
+                raise DomainError(f"the hand does not keep hold of {held} at home", file=file, key="robot.home")
             if all(self._stayed(item, pose) for item, pose in poses.items()):
                 self.data.time = 0.0
                 return
         raise DomainError("in 20 draws the items never came to rest upright: give them more room", file=file,
                           key="placement")  # fmt: skip
+
+    def _hand_over(self, item: str, file: Path) -> None:
+        """Have someone hold an item between the open fingers until they have closed, and then let go of it."""
+        hand = self.data.site(scene.GRIP_SITE)
+        pose = scene.in_hand(self.shapes[item], np.array(hand.xpos), np.array(hand.xmat).reshape(3, 3))
+        if pose is None:
+            raise DomainError(f"{item} is too wide for the hand to hold it upright", file=file, key="item")
+        dof = self.model.joint(f"{item}/free").dofadr[0]
+        self.put(item, pose)
+        if touched := self.touched_by(item) & {*self._places, *(table.name for table in self.spec.tables)}:
+            raise DomainError(f"in the hand at home, {item} touches {min(touched)}", file=file, key="robot.home")
+        self._closed = 1.0
+        for _ in range(round(_HAND_OVER / CONTROL_PERIOD)):
+            self.put(item, pose)
+            self.data.qvel[dof : dof + 6] = 0.0
+            self.advance()
 
     def _stayed(self, item: str, pose: FloatArray) -> bool:
         now = self.pose(item)

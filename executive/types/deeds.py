@@ -14,6 +14,7 @@ class SkillStatus(StrEnum):
     DONE = "done"
     NO_PATH = "no path"
     UNREACHABLE = "unreachable"
+    DOES_NOT_FIT = "does not fit"  # it is larger than what it is to be put on
     NOT_THERE = "not there"  # the object is not where the step says; it is not fetched from elsewhere
     GRASP_MISSED = "grasp missed"
     DROPPED = "dropped"

@@ -66,8 +66,9 @@ class Task:
 
     `objects` maps each object to its type, `atoms` are all grounded boolean fluents, `goal` is signed. `declared` are
     the atoms that the problem file's :init names; they set the stage (a simulator places items accordingly), and the
-    robot is not told. `parameters` maps each predicate to the names of its parameters; `numeric` are the names of the
-    numeric fluents, which have no atoms and are not estimated.
+    robot is not told. `parameters` maps each of their predicates to the names of its parameters; `numeric` are the
+    names of the numeric fluents, which have no atoms and are not estimated. `static` is what is true of what no action
+    changes, as :init says; it is known, and neither estimated nor part of any state.
     """
 
     name: str
@@ -78,11 +79,14 @@ class Task:
     declared: frozenset[Atom] = frozenset()
     parameters: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     numeric: tuple[str, ...] = ()
+    static: frozenset[Atom] = frozenset()
 
     def __post_init__(self) -> None:
         unknown = set(self.goal) - set(self.atoms)
         if unknown:
             raise ValueError(f"the goal names {sorted(map(str, unknown))}, which the task does not have")
+        if both := self.static.intersection(self.atoms):
+            raise ValueError(f"{min(map(str, both))} is static and a fluent at once")
 
 
 @dataclass(frozen=True, slots=True)

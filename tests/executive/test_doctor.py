@@ -20,11 +20,24 @@ from executive import cli, doctor, eye, machine
 from executive.doctor import Finding, State
 from executive.errors import MissingError
 from executive.planning import FastDownwardPlanner
-from executive.s3e import loading
+from executive.s3e import loading, packages
 from executive.types import NoPlan, NoPlanReason
 
-PARTS = ["system", "threads", "Python", "packages", "domains", "planner", "OpenGL", "Vulkan", "display", "model", "GPU"]
-PARTS += ["extras"]
+PARTS = [
+    "system",
+    "threads",
+    "Python",
+    "packages",
+    "domains",
+    "planner",
+    "OpenGL",
+    "Vulkan",
+    "display",
+    "model",
+    "GPU",
+    "extras",
+    "disk",
+]
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +47,7 @@ def findings() -> list[Finding]:
 
 
 def test_this_machine_can_start_a_run(findings: list[Finding]) -> None:
-    assert [finding.part for finding in findings] == [*PARTS, "disk"]
+    assert [finding.part for finding in findings] == [*PARTS, "look"]
     assert [finding for finding in findings if finding.state is State.MISSING] == []
     assert doctor.ready(findings)
     by_part = {finding.part: finding.found for finding in findings}
@@ -43,6 +56,7 @@ def test_this_machine_can_start_a_run(findings: list[Finding]) -> None:
     assert "grocery" in by_part["domains"]
     assert "pick" in by_part["domains"].partition("skills: ")[2]
     assert "gripping" in by_part["domains"].partition("relations: ")[2]
+    assert by_part["look"].startswith("grocery-eye answers ")
 
 
 def test_every_finding_is_one_line(findings: list[Finding]) -> None:
@@ -83,15 +97,15 @@ def test_what_is_wrong_and_nothing_else_comes_with_a_command(state: State, comma
 
 def only(monkeypatch: pytest.MonkeyPatch, part: str, trial: Callable[[], Finding]) -> Finding:
     """What `examine` makes of one trial; the others find nothing."""
-    for name in [*PARTS, "disk"]:
+    for name in [*PARTS, "look"]:
         monkeypatch.setattr(doctor, name.lower(), lambda name=name: Finding(name, State.OK, "fine"))
     monkeypatch.setattr(doctor, part.lower(), trial)
     by_part = {finding.part: finding for finding in doctor.examine()}
-    assert by_part.keys() == {*PARTS, "disk"}
+    assert by_part.keys() == {*PARTS, "look"}
     return by_part[part]
 
 
-@pytest.mark.parametrize("part", [*PARTS, "disk"])
+@pytest.mark.parametrize("part", [*PARTS, "look"])
 def test_whatever_a_trial_raises_is_a_finding(part: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken() -> Finding:
         raise ZeroDivisionError("a\nb")
@@ -171,23 +185,54 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], 
 @pytest.mark.parametrize(
     ("source", "says"),
     [
-        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "the driver crashes (signal 11)"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "the process crashes (SIGSEGV in {file}:1)"),
         ("raise OSError('no driver')", "no driver"),
         ("raise SystemExit(7)", "exit code 7"),
         ("import time; time.sleep(60)", "it takes longer than 1 s"),
     ],
 )
 def test_a_trial_that_fails_says_how(
-    source: str, says: str, program: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
+    source: str, says: str, program: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(doctor, "_PATIENCE", 1.0 if "sleep" in source else 30.0)
     with pytest.raises(doctor._TrialError) as raised:
         doctor._trial(program(source))
-    assert str(raised.value) == says
+    assert str(raised.value) == says.format(file=tmp_path / "program_on_trial.py")
 
 
 def test_a_trial_that_succeeds_is_what_it_prints(program: Callable[[str], str]) -> None:
     assert doctor._trial(program("print('all', 'is well')")) == "all is well"
+
+
+def test_a_look_that_ends_the_process_is_told_with_what_a_report_needs(
+    program: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, name = doctor._trial, program("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    monkeypatch.setattr(doctor, "_trial", lambda module, patience: real(name, patience))
+    finding = doctor.look()
+    assert finding.state is State.MISSING
+    assert "SIGSEGV" in finding.found
+    assert str(finding.command).endswith("-X faulthandler -m executive.first_look")
+
+
+def test_a_look_that_lacks_something_comes_with_the_command_that_installs_it(
+    program: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = program("from executive.errors import MissingError\nraise MissingError('no such', command='get it')")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([os.environ["PYTHONPATH"], *sys.path]))
+    real = doctor._trial
+    monkeypatch.setattr(doctor, "_trial", lambda module, patience: real(name, patience))
+    finding = doctor.look()
+    assert finding == Finding("look", State.MISSING, "a run would fail at its first look: no such", "get it")
+
+
+def test_a_torchvision_that_does_not_load_is_told_with_the_one_that_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packages, "broken_torchvision", lambda: "RuntimeError: operator does not exist")
+    monkeypatch.setattr(packages, "fitting_torchvision", lambda: ("torchvision==0.28.0+cpu --index-url INDEX", ""))
+    finding = doctor.extras()
+    assert finding.state is State.LIMITED
+    assert "RuntimeError: operator does not exist" in finding.found
+    assert str(finding.command).endswith("--no-deps torchvision==0.28.0+cpu --index-url INDEX")
 
 
 def fails(*_: object) -> str:

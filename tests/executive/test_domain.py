@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,13 @@ from hypothesis import strategies as st
 from executive.domain import Domain, list_domains, load_domain, load_subject
 from executive.errors import DomainError
 from executive.files import LARGEST
+from executive.lab.eye.wordings import Wordings
+from executive.lab.paraphrases import Paraphrases
+from executive.s3e import Templates
+from executive.s3e.questions import load_questions
+from executive.sim.spec import read_scene
+from executive.trust import load_outcomes
+from executive.types import Atom
 
 ROOT = Path(__file__).resolve().parents[2]
 TRAY = ROOT / "tests" / "domains" / "tray"
@@ -304,3 +312,110 @@ def test_any_damage_is_answered_in_one_line_or_does_no_harm(folder: Path, data: 
     finally:
         file.write_bytes(original)
     assert answer.isprintable()
+
+
+def shout(folder: Path) -> None:
+    """Write every name in a copy of the grocery domain in capital letters."""
+    for file in folder.rglob("*.pddl"):
+        file.write_text(file.read_text().upper())
+    keys = re.compile(r"^([\w-]+)(?= = )", re.MULTILINE)
+    for name in ("questions", "outcomes", "wordings", "paraphrases"):
+        file = folder / f"{name}.toml"
+        text = re.sub(
+            r"\{[a-z]+\}", lambda found: found[0].upper(), keys.sub(lambda key: key[1].upper(), file.read_text())
+        )
+        file.write_text(re.sub(r"^\[(pick|place)\]", lambda found: found[0].upper(), text, flags=re.MULTILINE))
+    manifest = (folder / "domain.toml").read_text()
+    manifest = re.sub(r"\[(actions|predicates)\.([\w-]+)\]", lambda found: f"[{found[1]}.{found[2].upper()}]", manifest)
+    manifest = re.sub(r'"robot-gripping\(.*?"|\["front", "hand"\]', lambda found: found[0].upper(), manifest)
+    (folder / "domain.toml").write_text(
+        re.sub(r'^(robot-\S+) = \["hand"\]', lambda found: found[0].upper(), manifest, flags=re.MULTILINE)
+    )
+    scene = (folder / "scene.toml").read_text()
+    (folder / "scene.toml").write_text(
+        re.sub(r'name = ".*"', lambda found: found[0].replace(found[0][8:-1], found[0][8:-1].upper()), scene)
+    )
+
+
+def test_names_know_no_case_wherever_they_stand(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "domains" / "grocery", folder := tmp_path / "grocery")
+    shout(folder)
+    for problem in (None, "one-item"):
+        loud, quiet = load(folder, problem), load("grocery", problem)
+        assert loud.task == quiet.task
+        assert (loud.skills, loud.relations, loud.looking) == (quiet.skills, quiet.relations, quiet.looking)
+        assert read_scene(loud.scene) == read_scene(quiet.scene)
+        assert loud.outcomes
+        assert quiet.outcomes
+        assert load_outcomes(loud.outcomes, loud.skills) == load_outcomes(quiet.outcomes, quiet.skills)
+        texts = [
+            load_questions(each.questions, each.task).text for each in (loud.subject, quiet.subject) if each.questions
+        ]
+        assert texts[0] == texts[1]
+        others = [Paraphrases.read(each.folder / "paraphrases.toml", each.task).wordings for each in (loud, quiet)]
+        assert others[0] == others[1]
+        templates = Templates.read(folder / "questions.toml")
+        words = [
+            Wordings.of(each.task, templates, each.folder / "wordings.toml", quiet_names(each))
+            for each in (loud, quiet)
+        ]
+        assert words[0] == words[1]
+
+
+def quiet_names(domain: Domain) -> set[str]:
+    """The objects that this problem does without."""
+    return set(load("grocery").task.objects) - set(domain.task.objects)
+
+
+def test_two_keys_that_are_one_name_are_told(folder: Path) -> None:
+    edit(folder, '[predicates.hand-free]\nrelation = "gripper-empty"', '[predicates.HOLDING]\nrelation = "gripping"')
+    assert "predicates.HOLDING: is there twice: names of PDDL know no case" in said(folder)
+
+
+RELATIONS_SAID = {
+    "on(?cube, tray)": "line 20: predicates.resting-on.relation: ?support is missing: resting-on would be the same",
+    "on(?cub, ?support)": "predicates.resting-on.relation: resting-on has no parameter ?cub; did you mean '?cube'?",
+    "griping(?cube, ?support)": "no relation 'griping' is registered; did you mean 'gripping'?",
+}
+
+
+@pytest.mark.parametrize(("text", "words"), RELATIONS_SAID.items(), ids=RELATIONS_SAID)
+def test_a_mistake_in_what_a_relation_is_about_is_named(folder: Path, text: str, words: str) -> None:
+    edit(folder, 'relation = "on"', f'relation = "{text}"')
+    assert words in said(folder)
+
+
+def test_a_relation_may_be_told_what_it_is_about(folder: Path) -> None:
+    edit(folder, 'relation = "on"', 'relation = "on(?Support,?CUBE)"')
+    assert load(folder).relations["resting-on"] == "on(?support, ?cube)"
+
+
+def test_what_no_action_changes_takes_neither_a_relation_nor_a_question(folder: Path) -> None:
+    edit(folder, "(hand-free))", "(hand-free) (fragile ?cube - cube))", "domain.pddl")
+    edit(
+        folder,
+        ":precondition (holding ?cube)",
+        ":precondition (and (holding ?cube) (not (fragile ?cube)))",
+        "domain.pddl",
+    )
+    edit(folder, "(hand-free)", "(hand-free) (fragile green-cube)", "problem.pddl")
+    domain = load(folder)
+    fragile = Atom("fragile", ("green-cube",))
+    assert domain.task.static == {fragile}
+    assert domain.task.atoms == load_subject(folder).task.atoms == load_subject(TRAY).task.atoms
+    with pytest.raises(ValueError):
+        domain.parsed.ground("drop", ("green-cube", "tray"))
+    with (folder / "domain.toml").open("a") as file:
+        file.write('[predicates.fragile]\nrelation = "gripping"\n')
+    for task in (load(folder).task, load_subject(folder).task):
+        assert fragile in task.atoms, "somebody is to look at it"
+        assert not task.static
+
+
+def test_what_there_is_a_question_for_is_asked_about(folder: Path) -> None:
+    edit(folder, "(hand-free))", "(hand-free) (fragile ?cube - cube))", "domain.pddl")
+    edit(folder, "[questions]", '[questions]\nFragile = "Is the {cube} fragile?"', "questions.toml")
+    (folder / "scene.toml").unlink()
+    assert Atom("fragile", ("red-cube",)) in load_subject(folder).task.atoms
+    (folder / "scene.toml").touch()
+    assert "predicates.fragile: is missing: name the relation" in said(folder)

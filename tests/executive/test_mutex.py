@@ -197,9 +197,10 @@ def domains(draw: st.DrawFn) -> str:
 def test_groups_of_any_small_domain_hold_wherever_its_actions_lead(tmp_path: Path, text: str) -> None:
     for name, part in zip(("domain.pddl", "problem.pddl"), text.split("\n---\n"), strict=True):
         (tmp_path / name).write_text(part)
-    schema = read_task(tmp_path / "domain.pddl", tmp_path / "problem.pddl")
+    schema = read_task(tmp_path / "domain.pddl", tmp_path / "problem.pddl", seen=["s"])
     found = find_mutexes(schema)
     assert schema.task.declared <= found.state
+    assert {atom for group in found.groups for atom in group.atoms} <= set(schema.task.atoms)
     holds(found, reachable(schema, found.state))
 
 

@@ -20,6 +20,7 @@ from torch import nn
 from executive.lab.eye import words
 from executive.lab.eye.sizes import STRIDE, Size
 from executive.s3e.loading import quiet
+from executive.s3e.packages import importing
 
 MEAN, STD = 0.55, 0.27
 """Of all pixels of a training shard, about; the same for each colour, so that grey stays grey."""
@@ -27,7 +28,8 @@ MEAN, STD = 0.55, 0.27
 
 def build(size: Size, tokenizer: Any) -> Any:
     """A FastVlmForConditionalGeneration with the weights that training starts from."""
-    from transformers import FastVlmConfig, FastVlmForConditionalGeneration
+    with importing():
+        from transformers import FastVlmConfig, FastVlmForConditionalGeneration
 
     config = FastVlmConfig(
         vision_config={
@@ -86,7 +88,8 @@ def save(model: Any, tokenizer: Any, size: Size, folder: Path) -> None:
 
     The weights are stored in 32 bits: they are few, and answers are then the same on every machine.
     """
-    from transformers import CLIPImageProcessorPil
+    with importing():
+        from transformers import CLIPImageProcessorPil
 
     folder.mkdir(parents=True, exist_ok=True)
     with quiet():

@@ -55,7 +55,7 @@ class Sampler:
     def __init__(self, domain: Domain, seed: Sequence[int]) -> None:
         self._rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
         self.world = MujocoWorld(domain.scene, domain.task.objects, seed=int(self._rng.integers(2**31)))
-        self._truth, self._atoms = Truth(self.world, domain.relations), domain.task.atoms
+        self._truth, self._atoms = Truth(self.world, domain.relations, domain.task.parameters), domain.task.atoms
         self._kinematics = Kinematics(self.world.handle)
         self._model, self._data = self.world.model, self.world.data
         names = [*scene.JOINTS]
@@ -101,7 +101,7 @@ class Sampler:
 
     def _spot(self, item: str, others: dict[str, FloatArray], gap: float, favourite: int | None) -> FloatArray:
         rng, shape, tables = self._rng, self.world.shapes[item], self.world.spec.tables
-        tipped, radius = rng.random() < _TIPPED, placement.footprint(shape)
+        tipped, radius = rng.random() < _TIPPED, placement.circle(shape)
         if rng.random() < _FLOOR:
             return self._on_floor(item)
         if tipped:
@@ -114,7 +114,7 @@ class Sampler:
             if spot is None:
                 continue
             if all(
-                np.hypot(*(pose[:2] - spot)) >= radius + placement.footprint(self.world.shapes[other]) + gap
+                np.hypot(*(pose[:2] - spot)) >= radius + placement.circle(self.world.shapes[other]) + gap
                 for other, pose in others.items()
             ):
                 pose = placement.upright(shape, spot, table, float(rng.uniform(-np.pi, np.pi)))

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executive.errors import DomainError, nearest
-from executive.files import read_toml
+from executive.files import caseless, read_toml
 from executive.s3e.questions import Templates
 from executive.types import Atom, Task
 
@@ -51,7 +51,7 @@ class Wordings:
             DomainError: the file has a mistake, named with its key.
         """
         # A bracket in questions.toml is a bracket, and what has one is asked in no other words.
-        predicates = {name: [text] if "(" not in text else [] for name, text in templates.predicates.items()}
+        predicates = {name: [_small(text)] if "(" not in text else [] for name, text in templates.predicates.items()}
         names = {name: [text] for name, text in templates.names(task).items()}
         if file is not None:
             tables = _tables(file)
@@ -61,7 +61,7 @@ class Wordings:
                         continue
                     if key not in target:
                         raise DomainError(f"unknown key; {nearest(key, target)}", file=file, key=f"{table}.{key}")
-                    target[key] += _texts(entries, file, f"{table}.{key}")
+                    target[key] += map(_small, _texts(entries, file, f"{table}.{key}"))
         arity = {atom.predicate: len(atom.args) for atom in task.atoms}
         parameters = {
             name: tuple(task.parameters.get(name, [str(index + 1) for index in range(count)]))
@@ -101,7 +101,7 @@ def _tables(file: Path) -> dict[str, dict[str, object]]:
             raise DomainError(f"unknown key; {nearest(name, ('questions', 'objects'))}", file=file, key=name)
         if not isinstance(table, dict):
             raise DomainError(f"expected a table, got {table!r}", file=file, key=name)
-    return tables
+    return {name: caseless(table, file, name, mistake=DomainError) for name, table in tables.items()}
 
 
 def _texts(entries: object, file: Path, key: str) -> list[str]:
@@ -128,6 +128,11 @@ def _check(patterns: Sequence[str], parameters: Sequence[str], file: Path | None
         for index, name in enumerate(parameters, start=1):
             if places.isdisjoint((name, str(index))):
                 raise DomainError(f"{pattern!r} does not name {{{name}}}", file=file, key=key)
+
+
+def _small(pattern: str) -> str:
+    """The pattern with its placeholders in small letters, as the parameters of PDDL are that they name."""
+    return re.sub(r"\{[^{}]*\}", lambda place: place[0].lower(), pattern)
 
 
 def _leftover(pattern: str) -> bool:

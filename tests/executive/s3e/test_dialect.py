@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -42,6 +43,14 @@ LIMITS: dict[str, tuple[Callable[[Body], bool], Response]] = {
     "listed, as a range": (
         lambda body: body["top_logprobs"] > 5,
         refusal("Range of top_logprobs should be [0, 5]"),
+    ),
+    "listed by number": (
+        lambda body: body["logprobs"] is True,
+        as_json({"detail": [{"loc": ["body", "logprobs"], "msg": "Input should be a valid integer"}]}, 422),
+    ),
+    "listed by number, as an unknown field": (
+        lambda body: "top_logprobs" in body,
+        refusal("Unrecognized request argument supplied: top_logprobs"),
     ),
     "another name for tokens": (
         lambda body: "max_tokens" in body,
@@ -107,6 +116,28 @@ def picky(*names: str) -> Callable[[Request], Response]:
         return next(refused, None) or honest(request)
 
     return respond
+
+
+def older(response: Response) -> Response:
+    """The same in the form of the older API for completions."""
+    reply = json.loads(response.body)
+    content = reply["choices"][0]["logprobs"]["content"]
+    reply["choices"][0]["logprobs"] = {
+        "tokens": [each["token"] for each in content],
+        "token_logprobs": [each["logprob"] for each in content],
+        "top_logprobs": [{top["token"]: top["logprob"] for top in each["top_logprobs"]} for each in content],
+    }
+    return as_json(reply)
+
+
+def test_a_server_of_the_older_kind_gives_the_same_answers() -> None:
+    def respond(request: Request) -> Response:
+        refused = picky("listed by number")(request)
+        return refused if refused.status != 200 else older(refused)
+
+    with serving(respond) as server, serving(honest) as plain:
+        assert look(server).ask(QUESTIONS) == look(plain).ask(QUESTIONS)
+        assert {request.body["logprobs"] for request in server.requests[1:]} == {20}
 
 
 @pytest.mark.parametrize("name", LIMITS)

@@ -266,7 +266,7 @@ def test_a_model_that_thinks_is_heard_out() -> None:
     assert (answer.yes_mass, answer.no_mass, answer.probability(0.5)) == (0.0, 0.0, None)
     assert answer.said == r"'<think>\nOkay, the user asks' (98%)"
     assert answer.said in odd
-    assert "it thinks first" in odd
+    assert "It thinks first" in odd
 
 
 # What a server is asked first
@@ -332,7 +332,7 @@ json_values = st.recursive(
     lambda inner: (
         st.lists(inner, max_size=3)
         | st.dictionaries(
-            st.sampled_from(["choices", "logprobs", "content", "top_logprobs", "token", "logprob", "error"]),
+            st.sampled_from(["choices", "logprobs", "content", "top_logprobs", "tokens", "token", "logprob", "error"]),
             inner,
             max_size=4,
         )

@@ -54,7 +54,7 @@ def test_items_stand_upright_apart_and_within_reach(seed: int) -> None:
         assert near - 0.02 <= np.hypot(*pose[:2]) <= far + 0.02
         for other, place in poses.items():
             if other != item:
-                room = placement.footprint(drawn.shapes[item]) + placement.footprint(drawn.shapes[other])
+                room = placement.circle(drawn.shapes[item]) + placement.circle(drawn.shapes[other])
                 assert np.hypot(*(pose[:2] - place[:2])) > room + drawn.spec.placement.gap - 0.02
 
 
@@ -207,7 +207,7 @@ def test_cameras_of_different_sizes_are_drawn_in_their_own(tmp_path: Path) -> No
         ('name = "lemon"', 'name = "right_hand"', "MuJoCo refuses this scene: .*repeated name 'right_hand'"),
         ("2.0548", "9.0", r"robot\.home: elbow_joint does not turn that far"),
         ("-1.7152", "-0.9", r"robot\.home: there the arm touches black-table"),
-        ("gap = 0.06", "gap = 0.9", r"placement\.gap: the items do not fit"),
+        ("gap = 0.06", "gap = 0.9", r"placement\.gap: no room was found"),
     ],
 )
 def test_scenes_that_cannot_be_are_named(tmp_path: Path, old: str, new: str, words: str) -> None:

@@ -1,0 +1,131 @@
+"""What the predicates of a domain mean in the simulator: for each a relation, and what it is about.
+
+A domain says `relation = "on"`, and the relation is about the predicate's own arguments in their order, or says which
+they are: `relation = "on(?tool, tray)"`, where a thing of the scene may stand for itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from inspect import signature
+from itertools import permutations
+from pathlib import Path
+
+from executive.errors import DomainError, nearest
+from executive.sim.spec import SceneSpec
+from executive.types import Atom, Task
+
+Relation = Callable[..., bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """A relation by its name, and the terms that it is about: positions among a predicate's arguments, or things of the
+    scene by their names. Without terms, the arguments themselves, as many as there are."""
+
+    name: str
+    relation: Relation
+    terms: tuple[int | str, ...] | None = None
+
+    @property
+    def kinds(self) -> tuple[str, ...] | None:
+        """The kinds of things that the relation is about, where it declares them (`executive.sim.relations.takes`)."""
+        declared: tuple[str, ...] | None = getattr(self.relation, "takes", None)
+        return declared
+
+    @property
+    def count(self) -> int:
+        """How many things the relation is about."""
+        return len(signature(self.relation).parameters) - 1 if self.kinds is None else len(self.kinds)
+
+    def about(self, atom: Atom) -> tuple[str, ...]:
+        """The things that the relation is about for an atom of the predicate."""
+        if self.terms is None:
+            return atom.args
+        return tuple(term if isinstance(term, str) else atom.args[term] for term in self.terms)
+
+
+def relations() -> dict[str, Relation]:
+    """The registered relations by name."""
+    return {point.name: point.load() for point in entry_points(group="executive.relations")}
+
+
+def read_meanings(
+    said: Mapping[str, str], parameters: Mapping[str, Sequence[str]], file: Path | None = None
+) -> dict[str, Meaning]:
+    """The meaning of each predicate.
+
+    Args:
+        said: predicate -> what its domain says of it.
+        parameters: predicate -> the names of its parameters, to be held against the relation's.
+        file: the domain file, for error messages.
+
+    Raises:
+        DomainError: a relation is not registered, or takes another number of things than it is given.
+    """
+    known = relations()
+    meanings = {}
+    for predicate, text in said.items():
+        key = f"predicates.{predicate}.relation"
+        name, bracket, rest = text.partition("(")
+        if name not in known:
+            raise DomainError(f"no relation {name!r} is registered; {nearest(name, known)}", file=file, key=key)
+        own = [f"?{each}" for each in parameters.get(predicate, ())]
+        words = [word.strip() for word in rest.removesuffix(")").split(",") if word.strip()]
+        terms = tuple(own.index(word) if word in own else word for word in words) if bracket else None
+        meaning = Meaning(name, known[name], terms)
+        has = len(own) if terms is None else len(terms)
+        if (predicate in parameters or terms is not None) and meaning.count != has:
+            raise DomainError(
+                f"{name!r} needs {meaning.count} object{'s' * (meaning.count != 1)}, "
+                f"{'this predicate has' if terms is None else 'here are'} {has}",
+                file=file,
+                key=key,
+            )
+        meanings[predicate] = meaning
+    return meanings
+
+
+def check_kinds(meanings: Mapping[str, Meaning], task: Task, spec: SceneSpec, file: Path) -> None:
+    """Hold what the relations are about against the things of the scene. An argument is right if some object that may
+    stand there is of the kind; a predicate of which no atom could ever be true is a mistake.
+
+    Raises:
+        DomainError: the first mistake; says which order would be right, if one is.
+    """
+    kind_of = {**{item.name: "item" for item in spec.items}, **{table.name: "table" for table in spec.tables}}
+    for predicate, meaning in meanings.items():
+        key = f"predicates.{predicate}.relation"
+        atoms = [atom for atom in task.atoms if atom.predicate == predicate]
+        if meaning.kinds is None or not atoms:
+            continue
+        names = task.parameters.get(predicate, [str(index + 1) for index in range(len(atoms[0].args))])
+        shown = [f"?{name}" for name in names]
+        there = {
+            word: {kind_of[atom.args[index]] for atom in atoms if atom.args[index] in kind_of}
+            for index, word in enumerate(shown)
+        }
+        terms = meaning.terms if meaning.terms is not None else range(len(shown))
+        words = [term if isinstance(term, str) else shown[term] for term in terms]
+        for word in words:
+            if word not in shown:
+                if word not in kind_of:
+                    raise DomainError(f"the scene has no {word!r}; {nearest(word, kind_of)}", file=file, key=key)
+                there[word] = {kind_of[word]}
+        right = [order for order in permutations(words) if _fits(order, meaning.kinds, there)]
+        if tuple(words) in right:
+            continue
+        wanted = ", ".join(map(_one, meaning.kinds))
+        given = ", ".join(f"{word} is {' or '.join(map(_one, sorted(there[word])))}" for word in words)
+        hint = f'; write relation = "{meaning.name}({", ".join(right[0])})"' if right else ""
+        raise DomainError(f"{meaning.name!r} is about {wanted}, in this order, and {given}{hint}", file=file, key=key)
+
+
+def _fits(order: Sequence[str], kinds: Sequence[str], there: Mapping[str, set[str]]) -> bool:
+    return all(kind == "thing" or kind in there[word] for word, kind in zip(order, kinds, strict=True))
+
+
+def _one(kind: str) -> str:
+    return f"an {kind}" if kind[0] in "aeiou" else f"a {kind}"
