@@ -3,8 +3,10 @@ sinks are put together. Everything that it builds could be built by hand; see RE
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import TracebackType
@@ -31,14 +33,14 @@ from executive.loop import Executive
 from executive.monitoring import open_monitor
 from executive.past import Past
 from executive.planning import FastDownwardPlanner
-from executive.protocols import Estimator, Recalling, Sink, Skill
+from executive.protocols import Estimator, Planner, Recalling, Sink, Skill
 from executive.session import INTERRUPTED
 from executive.trace import monitors
 from executive.trace.events import EventLog
 from executive.trace.limits import thresholds
 from executive.trace.report import SUMMARY_FILE, Collector, Summary, write_summary
 from executive.trace.snapshots import Snapshots
-from executive.types import Facts
+from executive.types import Atom, Facts, NoPlan, NoPlanReason, Plan, Step
 
 if TYPE_CHECKING:
     from executive.s3e.estimator import S3E
@@ -111,6 +113,7 @@ class Run:
             seeing = open_eye(eye, self.domain.subject)
         first_observation = 0 if self._past is None else self._past.observations
         self.world, self.truth = _stage(self.domain, config, injected, first_observation, stage)
+        self._too_large = _too_large(self.domain, self.world, self.truth)
         self.folder = make_folder(config, self.domain) if folder is None else folder
         self._collector = Collector()
         try:
@@ -176,7 +179,7 @@ class Run:
         faults = FaultInjector(injected, self.world, config.seed)
         return Executive(
             self.domain.task,
-            punctual_planner(faulty_planner(planner, faults), config.patience),
+            punctual_planner(faulty_planner(self._fitting(planner), faults), config.patience),
             faulty_world(self.world, faults),
             punctual_skills(faulty_skills(load_skills(self.domain), faults), config.patience, left=self._left),
             None
@@ -197,6 +200,12 @@ class Run:
     def _left(self) -> float:
         """How many wall seconds the run still has; asked while it goes on."""
         return self.executive.seconds_left
+
+    def _fitting(self, planner: Planner) -> Planner:
+        """The planner, of whose plans none puts anything where it does not fit."""
+        if not self._too_large:
+            return planner
+        return _FittingPlanner(planner, self.domain.parsed.giving(self._too_large), self._too_large)
 
     def _go_on(self) -> Course | None:
         """Have the world be what it was when the run's process ended, and the sinks know what happened until then; how
@@ -235,6 +244,22 @@ def resume(folder: Path, sinks: Sequence[Sink] = (), view: str | None = None) ->
     if past.ended is not None and past.is_over and (folder / SUMMARY_FILE).exists():
         raise InputError(f"this run has come to its end: {past.ended.outcome}", file=folder)
     return Run(config, sinks, view=view, folder=folder)
+
+
+class _FittingPlanner:
+    """Does without the steps that would bring about what cannot be, and says of a goal that is such why it cannot."""
+
+    def __init__(self, planner: Planner, never: frozenset[Step], why: Mapping[Atom, str]) -> None:
+        self._planner, self._never, self._why = planner, never, why
+
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
+        answer = self._planner.plan(state, goal, avoid | self._never, seconds)
+        why = [self._why[atom] for atom in sorted(goal.true & self._why.keys()) if not state.get(atom)]
+        if isinstance(answer, NoPlan) and answer.reason is NoPlanReason.UNSOLVABLE and why:
+            return replace(answer, detail="; ".join(why))
+        return answer
 
 
 def load_skills(domain: Domain) -> Mapping[str, Skill]:
@@ -295,6 +320,22 @@ def checked_stage(domain: Domain) -> Setting:
     meanings = read_meanings(domain.relations, task.parameters, manifest)
     check_kinds(meanings, task, scene, manifest)
     return read_setting(domain.parsed.init, meanings, scene, problem)
+
+
+def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom, str]:
+    """The atoms that cannot be brought about because an item is larger than the table, and why.
+
+    Raises:
+        DomainError: nothing of the goal could be reached.
+    """
+    from executive.sim.setting import too_large
+
+    why = too_large(domain.task.atoms, truth.meanings, world.shapes, world.spec)
+    goal = domain.task.goal
+    if goal.true and why.keys() >= goal.true and not goal.false:
+        world.close()
+        raise DomainError("; ".join(why[atom] for atom in sorted(goal.true)), file=domain.files[2], key=":goal")
+    return why
 
 
 def _stage(

@@ -76,7 +76,10 @@ class Settings:
                 raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
 
     def tolerated(self, status: SkillStatus) -> int:
-        """How many failures of one step while what bears on it stays the same are too many."""
+        """How many failures of one step while what bears on it stays the same are too many; one, where a thing is
+        larger than what it is to be put on."""
+        if status is SkillStatus.DOES_NOT_FIT:
+            return 1
         return self.max_failures if status in _CHANCE else min(self.max_failures, self.max_retries + 2)
 
     def bearable(self, status: SkillStatus) -> int:

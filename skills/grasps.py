@@ -9,7 +9,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from executive.sim.footprint import EDGE
 from executive.sim.scene import GRIP_DEPTH, WIDEST_GRIP, ItemShape
 from executive.sim.spec import TableSpec
 from executive.types import FloatArray
@@ -26,6 +25,9 @@ _LOWEST = 0.021
 
 _TILTS = (0.0, 0.3, -0.3, 0.6, -0.6)
 """Rotations of the hand about its closing axis away from straight down, in rad, in order of preference."""
+
+_EDGE = 0.015
+"""m from a table's edges, where there is room for that."""
 
 _YAWS = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 """Turns about the vertical in which an item is put down, in rad."""
@@ -130,7 +132,7 @@ def _turned(rotation: FloatArray, shape: ItemShape, table: TableSpec) -> list[tu
     found = []
     for yaw in (*(along + 0.5 * np.pi * np.arange(4)), *_YAWS):
         local = _turn(float(yaw) - table.yaw) @ rotation
-        free = 0.5 * np.asarray(table.size[:2]) - EDGE - [shape.reach(local.T @ axis) for axis in np.eye(3)[:2]]
+        free = 0.5 * np.asarray(table.size[:2]) - [shape.reach(local.T @ axis) for axis in np.eye(3)[:2]]
         if (free >= -1e-9).all():
             found.append((float(yaw), np.maximum(free, 0.0)))
     return found
@@ -162,7 +164,7 @@ def spots(
     """
     half = np.array([shape.reach(rotation.T @ axis) for axis in np.eye(3)])
     radius = float(np.hypot(half[0], half[1]))
-    inset = 0.5 * np.asarray(table.size[:2]) - radius - EDGE
+    inset = 0.5 * np.asarray(table.size[:2]) - radius - _EDGE
     turned = _turned(rotation, shape, table) if (inset <= 0).any() else []
     if not turned and (inset <= 0).any():
         return []

@@ -17,9 +17,6 @@ from executive.types import FloatArray
 if TYPE_CHECKING:
     from executive.sim.scene import ItemShape
 
-EDGE = 0.015
-"""How far from a table's edges the arm puts things down, in m."""
-
 _TURNS = np.linspace(0.0, np.pi, 181)
 """Turns of an outline on a table that are tried: one for each degree."""
 
@@ -67,9 +64,9 @@ def resting(shape: ItemShape) -> tuple[Outline, ...]:
     return tuple(sorted(sides, key=lambda side: side != upright))
 
 
-def too_large(shape: ItemShape, table: TableSpec, margin: float = EDGE) -> bool:
+def too_large(shape: ItemShape, table: TableSpec) -> bool:
     """Whether an item fits on a table in no way in which it can rest there."""
-    return not any(outline.fits(table, margin) for outline in resting(shape))
+    return not any(outline.fits(table, 0.0) for outline in resting(shape))
 
 
 def top(table: TableSpec) -> str:

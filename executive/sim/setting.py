@@ -99,8 +99,9 @@ def too_large(
         if meaning.name == "on":
             item, name = meaning.about(atom)
             if item in shapes and name in tables and footprint.too_large(shapes[item], tables[name]):
-                outlines = " or ".join(str(outline) for outline in footprint.resting(shapes[item]))
-                found[atom] = f"{item} does not fit on {name}: {outlines}, and {name} is {footprint.top(tables[name])}"
+                size = " x ".join(f"{200.0 * half:.1f}" for half in shapes[item].half)
+                there = footprint.top(tables[name])
+                found[atom] = f"{item}, {size} cm, does not fit on {name}, {there}, whichever way it lies"
     return found
 
 

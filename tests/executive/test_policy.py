@@ -119,6 +119,11 @@ def test_retries_are_bounded_in_a_row_and_over_the_run() -> None:
     assert "10 times from the same known facts" in circles.reason
 
 
+def test_what_does_not_fit_is_not_tried_again() -> None:
+    decision = after(SkillStatus.DOES_NOT_FIT, rest=None, repeatable=True, failures=times(1))
+    assert decision.kind is DecisionKind.GIVE_UP_GOAL
+
+
 @pytest.mark.parametrize("status", [SkillStatus.GRASP_MISSED, SkillStatus.UNREACHABLE])
 def test_some_more_failures_are_too_many_whatever_was_known(status: SkillStatus) -> None:
     most = SETTINGS.bearable(status)

@@ -236,6 +236,20 @@ def test_what_is_too_wide_is_not_tried(tmp_path: Path) -> None:
     assert "too wide" in result.reason
 
 
+@pytest.mark.parametrize(("size", "status"), [(0.06, SkillStatus.DOES_NOT_FIT), (0.078, SkillStatus.DONE)])
+def test_what_is_larger_than_a_table_does_not_fit_and_what_is_hardly_smaller_does(
+    size: float, status: SkillStatus, tmp_path: Path
+) -> None:
+    tray = f'[[table]]\nname = "tray"\ncentre = [0.34, 0.0, 0.83]\nsize = [{size}, {size}, 0.03]\nyaw = 0.4\n'
+    file = tmp_path / "scene.toml"
+    file.write_text(f"{SCENE.read_text(encoding='utf-8')}\n{tray}", encoding="utf-8")
+    objects = {"cereal-box": "item", "tray": "table", **dict.fromkeys(TABLES, "table")}
+    robot = Robot(MujocoWorld(file, objects, held="cereal-box"))  # 7.4 x 3.8 cm as it is held
+    result = robot.place("cereal-box", "tray")
+    assert result.status is status, result.reason
+    assert robot.so("on-table(cereal-box,tray)") is result.done
+
+
 def test_a_robot_that_is_turned_finds_its_way(tmp_path: Path) -> None:
     turn = 0.8
     cos, sin = np.cos(turn), np.sin(turn)

@@ -115,6 +115,6 @@ def test_an_item_too_large_for_a_table_is_told_with_both_sizes(spec: SceneSpec) 
     assert {atom.args[1] for atom in found} == {"tray"}
     assert Atom("on-table", ("cereal-box", "tray")) in found
     why = found[Atom("on-table", ("cereal-box", "tray"))]
-    assert "7.4 x 3.8 cm" in why
+    assert "7.4 x 3.8 x 15.8 cm" in why
     assert "6.0 x 6.0 cm" in why
     world.close()
