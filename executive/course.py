@@ -300,7 +300,14 @@ class Course:
         """The dispatched step came out as `turn` says, and `decision` was taken on it."""
         if turn.rest is None:
             return replace(self.failed(turn.step, self.moment.before, decision), attempt=self.attempt + 1)
-        return replace(self, todo=tuple(self.todo[1:][position] for position in turn.rest), attempt=1)
+        course = self.worked(turn.step) if turn.result.done and not turn.verdict.violated else self
+        return replace(course, todo=tuple(self.todo[1:][position] for position in turn.rest), attempt=1)
+
+    def worked(self, step: Step) -> Course:
+        """The step came out as it was to, so that what it failed by before does not last."""
+        failures = {other: counts for other, counts in self.failures.items() if other != step}
+        stuck = {other: why for other, why in self.stuck.items() if other != step}
+        return replace(self, failures=MappingProxyType(failures), stuck=MappingProxyType(stuck))
 
     def failed(self, step: Step, known: Facts, decision: Decision) -> Course:
         """The step failed when `known` was known."""

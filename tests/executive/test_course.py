@@ -89,6 +89,15 @@ def test_a_failure_is_counted_where_the_step_was_begun_from() -> None:
     assert course.planned(Plan(STEPS, 4.0, "", 0.0), GOAL).attempt == 1
 
 
+def test_a_step_that_comes_out_is_stuck_no_longer_and_its_failures_are_counted_anew() -> None:
+    course = planned().failed(STEPS[0], START, GIVE_UP).failed(STEPS[2], START, GIVE_UP)
+    course = looked(dispatched(course), GRIPPED, 1)
+    course = course.judged(course.turn(SkillResult(STEPS[0], SkillStatus.DONE)), Decision(DecisionKind.CONTINUE, ""))
+    assert course.failing(STEPS[0], START) == (1, 1)
+    assert course.failing(STEPS[2], START) == (2, 2)
+    assert course.hung_on(STEPS, START, Leeway.NONE) == {STEPS[2]}
+
+
 def test_a_plan_hangs_on_a_step_that_is_stuck_where_it_would_be_carried_out() -> None:
     course, first = looked(dispatched(planned()), START, 1), frozenset(STEPS[:1])
     assert not course.failed(STEPS[0], START, REPLAN).hung_on(STEPS, START, Leeway.NONE)
