@@ -50,9 +50,9 @@ bench: setup
 example: setup
 	$(PY) scripts/example
 
-# A run with a drop and a recovery in the viewer, as README shows it. `make test` leaves the same in build/pictures.
+# A run with a drop and a recovery in the viewer, as README shows it.
 pictures: setup
-	PICTURES=docs/images $(PY) -m pytest -q tests/executive/trace/test_recording.py -k picture
+	$(PY) scripts/pictures
 
 format: setup
 	$(PY) -m ruff check --fix $(SOURCES)

@@ -12,7 +12,7 @@ from collections.abc import Sequence, Set
 from executive.trace.look_line import Change, LookLine
 from executive.trace.story import AtomLine, Mark, Standing, StepLine, Story
 from executive.trace.terminal_view import contradiction
-from executive.types import Atom, Contradiction, Decision, DecisionKind, Ended, LookKind, Overruled, Step
+from executive.types import Atom, Contradiction, Decision, DecisionKind, LookKind, Overruled, Step
 
 MARKS = {
     Mark.PENDING: "○",
@@ -26,7 +26,8 @@ _STANDINGS = {Standing.SURPRISE: "✗", Standing.DOUBT: "?", Standing.EXPECTED: 
 _DRAWN = {*map(chr, range(0x20, 0x7F)), *map(chr, range(0xA1, 0x100)), *"\n→←↑↓•…≥≤≠", *MARKS.values()} - {"\xad"}
 _UNDRAWN = re.compile(f"[^{re.escape(''.join(sorted(_DRAWN)))}]")
 _MARKDOWN = re.compile(r"[\\`*_|<>\[\]#~$]")
-_ROWS, _CHANGES = 12, 8
+_ROWS, _CHANGES = 6, 6
+"""What the panels have room for, in a window of 1280x800 pixels."""
 _KINDS = {
     LookKind.CLOSER: "closer: ",
     LookKind.MOVED: "with the arm out of the way: ",
@@ -53,39 +54,47 @@ def status(story: Story) -> str:
     started = story.started
     if started is None:
         return ""
-    title = f"**{escaped(started.domain)}: {escaped(started.task.problem)}**"
-    counts = {"action": story.actions, "look": story.looks, "replan": story.replans, "fault": len(story.faults)}
-    told = [f"{count} {noun}{'' if count == 1 else 's'}" for noun, count in counts.items()]
-    left = story.unreached() if story.probability else ()
-    if story.probability:
-        total = len(started.task.goal)
-        told.append(f"**goal {total - len(left)} of {total}**")
-    lines = [f"{title} · seed {started.seed} · {escaped(started.estimator)} · {' · '.join(told)}", ""]
     if story.ended is not None:
-        lines += _end(story.ended)
+        lines = [f"**{escaped(str(story.ended.outcome))}**: {escaped(story.ended.reason)}"]
     else:
-        lines += [f"**{escaped(_doing(story))}**", "", _last(story.decisions[-1][1]) if story.decisions else ""]
-    to_go = f"to go: {escaped(', '.join(left))}" if left else ""
-    return "\n".join([*lines, "", to_go])
+        lines = [f"**{escaped(_doing(story))}**"]
+        if story.decisions and not is_routine(story.decisions[-1][1]):
+            lines.append(escaped(_last(story.decisions[-1][1])))
+    if story.probability and story.unreached():
+        lines.append(escaped(f"to go: {', '.join(story.unreached())}"))
+    counts = {"action": story.actions, "look": story.looks, "replan": story.replans, "fault": len(story.faults)}
+    told = [f"{story.time:.1f} s", *(f"{count} {noun}{'s' * (count != 1)}" for noun, count in counts.items())]
+    if story.goal_told:
+        told.append(f"**{story.goal_told}**")
+    who = "nobody looks" if started.is_blind else f"seen by {started.estimator}"
+    title = f"{started.domain}: {started.task.problem} · seed {started.seed} · {who}"
+    return "  \n".join([*lines, " · ".join(told), escaped(title)])
 
 
 def belief(story: Story) -> str:
-    """What was expected against what was believed in the last comparison; before the first one, what is believed."""
+    """What was expected against what was believed in the last comparison; before the first one, what is believed, or
+    assumed where nobody looks."""
     compared = story.compared
     if compared is None:
-        true = [[escaped(str(atom)), f"{p:.2f}"] for atom, p in sorted(story.probability.items()) if p >= 0.5]
-        return "\n".join(["**believed true**", "", *_table(["atom", "P(true)"], true)])
+        true = [(escaped(str(atom)), f"{p:.2f}") for atom, p in sorted(story.probability.items()) if p >= 0.5]
+        if story.is_blind:
+            return "\n".join(_table(["assumed true"], [row[:1] for row in true]))
+        return "\n".join(_table(["believed true", "P(true)"], true))
     about = f" {spoken(story.compared_step)}" if story.compared_step else ""
     title = {"preconditions": f"before{about}", "effects": f"after{about}", "goal": "the goal"}
     lines = story.atoms()
-    shown = _worth_showing(story, lines)
+    alarm = _alarm(lines)
+    shown = _worth_showing(story, lines)[: _ROWS - bool(alarm)]
     notes = [_note(story, line.atom) for line in shown]
-    rows = [[*_row(line), *([escaped(note)] if any(notes) else [])] for line, note in zip(shown, notes, strict=True)]
-    left = len(lines) - len(shown)
-    text = [f"**{escaped(title.get(compared.what, compared.what))}**, look {compared.observation_id}", ""]
-    text += _alarm(lines)
-    text += _table(["", "atom", "expected", "P(true)", *([""] if any(notes) else [])], rows)
-    return "\n".join([*text, "", f"{left} more, as expected"] if left else text)
+    rows = [[*_row(line), escaped(note)] for line, note in zip(shown, notes, strict=True)]
+    rest = [line for line in lines if line not in shown]
+    if rest:
+        as_expected = all(line.standing is Standing.EXPECTED for line in rest)
+        rows.append(["", f"{len(rest)} more{', as expected' * as_expected}", "", "", ""])
+    about = escaped(title.get(compared.what, compared.what))
+    head = ["", f"{about}, look {compared.observation_id}", "expected", "P(true)", ""]
+    cells = len(head) if any(notes) else len(head) - 1
+    return "\n".join([*alarm, *_table(head[:cells], [row[:cells] for row in rows])])
 
 
 def look(story: Story) -> str:
@@ -104,7 +113,7 @@ def look(story: Story) -> str:
         lines += _table(["atom", "was", "is now", "P(true)"], rows)
         lines += ["", f"{len(last.changes) - _CHANGES} more"] if len(last.changes) > _CHANGES else []
     else:
-        lines.append("what it shows was known before" if story.decisions else "the first look")
+        lines.append("what it shows was known before" if story.looks > 1 else "the first look")
     notes = [*map(_clash, last.contradictions), *map(_overruled, last.overruled)]
     notes += [f"camera {camera} left out: {why}" for camera, why in story.seeing.blinded.items()]
     return "\n".join([*lines, "", *(f"- {escaped(note)}" for note in notes)])
@@ -128,7 +137,7 @@ def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
     wanted = [
         line for line in lines if line.standing is not Standing.EXPECTED or step is None or line.atom in step.effects
     ]
-    return wanted[:_ROWS]
+    return wanted
 
 
 def _alarm(lines: Sequence[AtomLine]) -> list[str]:
@@ -199,11 +208,7 @@ def _doing(story: Story) -> str:
 
 
 def _last(decision: Decision) -> str:
-    return f"{escaped(str(decision.kind))}: {escaped(decision.reason)}"
-
-
-def _end(ended: Ended) -> list[str]:
-    return [f"**{escaped(str(ended.outcome))}**", "", escaped(ended.reason)]
+    return f"{decision.kind}: {decision.reason}"
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from executive.errors import InputError, nearest
+from executive.trace.viewer_blueprint import CYCLE, SIM_TIME
 from executive.trace.viewer_process import headless_viewer, trace_file
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ _STRIP = 36
 _ALIKE, _PICTURES, _PAUSE = 3, 30, 0.25
 """Panels fill over several frames after a jump, and the viewer greets with notifications: a picture counts when so many
 in a row are alike. So many are taken at most, with a pause in wall seconds between them."""
+_MOMENT = 1e-3
+"""Seconds within which things happened at the same moment of the world's clock (see `executive.trace.viewer`)."""
 _TRIES = 4
 _PATIENCE, _READING = 120.0, 15.0
 """Wall seconds that a file may take to be read, and what was read to be laid out."""
@@ -57,7 +60,7 @@ def screenshot(
         settle(viewer, path)
         view = None if panel is None else _view_id(viewer, path, panel)
         _arrange(viewer, view)
-        viewer.set_time("wall", duration=_moment(path, at_cycle, at_time), play_state="paused")
+        viewer.set_time(SIM_TIME, duration=_moment(path, at_cycle, at_time), play_state="paused")
         picture = still(viewer, view)
         views = viewer.get_state().views
     Path(png).write_bytes(picture if view else _without_strip(picture))
@@ -88,12 +91,11 @@ def settle(viewer: ViewerClient, path: Path) -> None:
 class _Stamp(NamedTuple):
     cycle: int
     time: float
-    wall: float
 
 
 def _moment(path: Path, cycle: int | None, seconds: float | None) -> float:
-    """The moment on the process's clock, on which no two things happen at once, that is the end of a cycle, or the last
-    one before the world's clock passes `seconds`; without either, the end.
+    """The moment on the world's clock that is the end of a cycle, or the last one before it passes `seconds`; without
+    either, the end.
 
     Raises:
         InputError: the run has no such moment.
@@ -106,8 +108,8 @@ def _moment(path: Path, cycle: int | None, seconds: float | None) -> float:
             told = f"the run has cycles {known[0]} to {known[-1]}" if known else "the run has none"
             raise InputError(f"there is no cycle {cycle}; {told}", file=path)
     if seconds is not None:
-        stamps = [stamp for stamp in stamps if stamp.time <= seconds + 1e-6]
-    return max((stamp.wall for stamp in stamps), default=0.0)
+        stamps = [stamp for stamp in stamps if stamp.time <= seconds + _MOMENT]
+    return max((stamp.time for stamp in stamps), default=0.0)
 
 
 def _stamps(path: Path) -> Iterator[_Stamp]:
@@ -118,10 +120,10 @@ def _stamps(path: Path) -> Iterator[_Stamp]:
         warnings.filterwarnings("ignore", "RRD file has no footer")  # a run that was killed
         for chunk in RrdReader(path).stream():
             batch = chunk.to_record_batch()
-            if {"cycle", "sim_time", "wall"} <= set(batch.schema.names):
-                columns = [batch.column(name).cast("int64").to_pylist() for name in ("cycle", "sim_time", "wall")]
-                for cycle, seconds, wall in zip(*columns, strict=True):
-                    yield _Stamp(cycle, seconds / 1e9, wall / 1e9)
+            if {CYCLE, SIM_TIME} <= set(batch.schema.names):
+                columns = [batch.column(name).cast("int64").to_pylist() for name in (CYCLE, SIM_TIME)]
+                for cycle, nanoseconds in zip(*columns, strict=True):
+                    yield _Stamp(cycle, nanoseconds / 1e9)
 
 
 def _view_id(viewer: ViewerClient, path: Path, panel: str) -> str:

@@ -148,6 +148,24 @@ class Story:
         held = {atom: probability >= 0.5 for atom, probability in self.probability.items()}
         return Facts({atom: value for atom, value in goal.items() if held.get(atom) is not value}).literals()
 
+    @property
+    def is_blind(self) -> bool:
+        """Whether nobody looks."""
+        return self.started is not None and self.started.is_blind
+
+    @property
+    def goal_count(self) -> tuple[int, int] | None:
+        """How many literals of the goal are believed to hold, and how many there are; None before the first look."""
+        if self.started is None or not self.probability:
+            return None
+        total = len(self.started.task.goal)
+        return total - len(self.unreached()), total
+
+    @property
+    def goal_told(self) -> str:
+        """The same in words."""
+        return "goal {} of {}".format(*self.goal_count) + " assumed" * self.is_blind if self.goal_count else ""
+
     def tell(self, event: Event) -> None:
         """Take in the next event."""
         self.cycle, self.time = event.cycle, event.time

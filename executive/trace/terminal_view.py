@@ -286,10 +286,7 @@ def _counts(story: Story) -> Text:
         (len(story.faults), "fault"),
     )
     told = ", ".join(f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in counts)
-    goal = ""
-    if story.started is not None and story.probability:
-        total = len(story.started.task.goal)
-        goal = f", goal {total - len(story.unreached())} of {total}{' assumed' if story.started.is_blind else ''}"
+    goal = f", {story.goal_told}" if story.goal_told else ""
     return Text(f"cycle {story.cycle}, {story.time:.1f} s: {told}{goal}", "dim")
 
 

@@ -1,7 +1,9 @@
 """The run in the Rerun viewer: a sink that writes `trace.rrd` while the run goes on.
 
 Bodies' shapes are stored once; then only the poses of bodies that moved, many at a time. What is logged at one moment
-carries three stamps: the loop's cycle, the world's clock and the process's clock.
+carries three stamps: the loop's cycle, the world's clock and the process's clock. The world's clock stands still while
+the robot looks and thinks, and may be put back when a run is resumed: of what happens without its going on, each event
+is shown a tick after the last, so that all can be told apart and comes in order.
 """
 
 from __future__ import annotations
@@ -11,20 +13,33 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
+from textwrap import wrap
 
 import rerun as rr
 
 from executive.errors import InputError
 from executive.monitor import Thresholds
-from executive.trace import documents, viewer_blueprint, viewer_freed
+from executive.trace import documents, viewer_freed
 from executive.trace.documents import plain
 from executive.trace.story import Standing, Story
 from executive.trace.viewer_beliefs import Beliefs
-from executive.trace.viewer_blueprint import BELIEF, LOG, LOOK, NOW, PLAN, STATUS
-from executive.trace.viewer_colours import COLOUR_OF, LANES, STAGES
-from executive.trace.viewer_log import log_lines
+from executive.trace.viewer_blueprint import (
+    BELIEF,
+    CURVES,
+    LOG,
+    LOOK,
+    NOW,
+    PHASE,
+    PLAN,
+    STATUS,
+    WORDS,
+    Shown,
+    blueprint,
+)
+from executive.trace.viewer_colours import COLOUR_OF, LANES, PURPLE, REACHED, TO_GO
+from executive.trace.viewer_log import LOG_WIDTH, log_lines
 from executive.trace.viewer_parts import Lane, stamp
-from executive.trace.viewer_plan import plan_graph
+from executive.trace.viewer_plan import Row, plan_graph, plan_rows
 from executive.trace.viewer_process import TRACE_FILE
 from executive.trace.viewer_scene import Scene
 from executive.types import (
@@ -34,6 +49,7 @@ from executive.types import (
     Dispatched,
     Ended,
     Event,
+    FaultInjected,
     Frame,
     Judged,
     Looked,
@@ -45,15 +61,14 @@ from executive.types import (
     Scenery,
     SkillResult,
     Started,
-    Timing,
 )
 
 APPLICATION = "executive"
 _FRAMES_AT_ONCE, _FRAMES_LIVE = 64, 2
-_STAGE_NAMES = {"observe": "look", "estimate": "judge", "plan": "plan", "guard": "guard"}
-"""The stages of the loop as the viewer calls them; "move" is what skills do."""
 _TICK, _TICK_LIVE = timedelta(seconds=60), timedelta(seconds=0.2)
 """How long a row waits for others to be written with, unless a decision comes first."""
+_APART = 1e-6
+"""Seconds from one event to the next while the world's clock stands still."""
 _PATIENCE = 5.0
 """Wall seconds to wait for a live viewer that does not take what it is sent."""
 
@@ -91,18 +106,22 @@ class RerunSink:
         self._record.set_sinks(rr.FileSink(path), *([rr.GrpcSink(viewer)] if viewer else []))
         self._story = Story()
         self._arranged: object = None
+        self._time = -_APART
         self._texts: dict[str, str] = {}
+        self._rows: list[Row] = []
         self._scene = Scene(self._record, _FRAMES_LIVE if viewer else _FRAMES_AT_ONCE)
         self._beliefs = Beliefs(self._record, thresholds or {})
         self._action = Lane(self._record, [NOW, "action"])
-        self._phase = Lane(self._record, [NOW, "phase"])
+        self._phase = Lane(self._record, [NOW, PHASE])
         self._taken_up = Lane(self._record, [NOW, "plan"])
         self._seen = Lane(self._record, [NOW, "seen"])
-        self._stage = Lane(self._record, [NOW, "stage"], STAGES)
+        self._fault = Lane(self._record, [NOW, "fault"])
+        self._goal: Lane | None = None
 
     def write(self, event: Event) -> None:
         self._story.tell(event)
-        payload = event.payload
+        self._time = max(event.time, self._time + _APART)
+        payload, event = event.payload, replace(event, time=self._time)
         if isinstance(payload, Frame):
             self._scene.frame(event, payload)
             return
@@ -124,26 +143,31 @@ class RerunSink:
                 self._taken_up.enter(f"plan {len(self._story.plans)}", LANES[len(self._story.plans) % len(LANES)])
             case Dispatched():
                 self._action.enter(documents.spoken(payload.step))
-                self._stage.enter("move")
                 self._scene.begin_action()
             case Phase():
                 self._phase.enter(payload.name)
+            case FaultInjected():
+                self._fault.enter(payload.spec, PURPLE)
             case Motion():
                 self._scene.show_motion(payload)
-            case Timing():
-                self._show_stage(event, payload)
             case SkillResult():
                 self._phase.leave()
-                self._stage.leave()
             case Compared():
                 self._show_comparison(payload)
+            case Decision():
+                self._fault.leave()
             case Ended():
                 self._show_end(payload)
+        self._show_goal()
         for line in log_lines(payload, self._story):
             text = plain(" ".join(line.text.split())).strip(" ,:")
-            self._record.log(LOG, rr.TextLog(text, level=line.level, color=line.colour))
+            for part in wrap(text, LOG_WIDTH, subsequent_indent="    ", break_on_hyphens=False):  # the viewer does not
+                self._record.log(LOG, rr.TextLog(part, level=line.level, color=line.colour))
         if isinstance(payload, Plan | Dispatched | SkillResult | Compared | Decision | Ended):
-            self._record.log(PLAN, *plan_graph(self._story))
+            rows = plan_rows(self._story)
+            if rows != self._rows:
+                self._rows = rows
+                self._record.log(PLAN, *plan_graph(rows))
         self._show_texts(payload)
         if isinstance(payload, Decision):
             self._flush()  # a run that is killed can be looked at up to its last decision
@@ -162,21 +186,19 @@ class RerunSink:
         with contextlib.suppress(RuntimeError, ConnectionError, TimeoutError):  # a viewer that was closed takes no more
             self._record.flush(timeout_sec=_PATIENCE)
 
-    def _arrange(self) -> None:
-        """Lay the panels out, once it is known what there is to show, and again when a camera shows up later."""
-        shown = len(self._scene.cameras), len(self._scene.pictures)
-        if shown != self._arranged:
-            self._arranged = shown
-            layout = viewer_blueprint.blueprint(self._scene.cameras, self._scene.pictures)
-            viewer_freed.send_blueprint(self._record, APPLICATION, layout)
-
-    def _show_stage(self, event: Event, timing: Timing) -> None:
-        """A stage is told of when it is over; it began so much earlier on the process's clock."""
-        began, name = replace(event, wall=max(0.0, event.wall - timing.seconds)), _STAGE_NAMES.get(timing.stage, "")
-        if timing.stage == "guard":
-            self._stage.enter_all([(began, name), (event, "move")])
-        elif timing.stage != "skill":
-            self._stage.enter_all([(began, name or timing.stage), (event, "")])
+    def _arrange(self, is_over: bool = False) -> None:
+        """Lay the panels out, once it is known what there is to show, again when a camera shows up later, and at the
+        end, when it is known how long the run was and which atoms tell its story."""
+        story, cameras, pictures = self._story, self._scene.cameras, self._scene.pictures
+        arranged = len(cameras), len(pictures), is_over
+        if arranged != self._arranged:
+            self._arranged = arranged
+            shown = Shown(cameras, pictures, is_blind=story.is_blind)
+            if is_over:
+                goal = story.started.task.goal if story.started else ()
+                words, curves = self._beliefs.telling(goal, WORDS, CURVES)
+                shown = replace(shown, words=words, curves=curves, seconds=self._time)
+            viewer_freed.send_blueprint(self._record, APPLICATION, blueprint(shown))
 
     def _show_look(self) -> None:
         seeing = self._story.seeing
@@ -191,11 +213,20 @@ class RerunSink:
         worst = next((each for each in Standing if each in standings), Standing.EXPECTED)
         if compared.what != "preconditions" or worst is not Standing.EXPECTED:
             self._seen.enter(str(worst), COLOUR_OF[worst])
-        self._beliefs.show(compared.verdict.violated | compared.verdict.unknown)
+        self._beliefs.amiss(compared.verdict.violated | compared.verdict.unknown)
+
+    def _show_goal(self) -> None:
+        """How much of the goal is seen to hold, or is assumed to."""
+        count = self._story.goal_count
+        if count is not None:
+            held, total = count
+            self._goal = self._goal or Lane(self._record, [NOW, "goal-assumed" if self._story.is_blind else "goal"])
+            self._goal.enter(f"{held} of {total}", REACHED if held == total else TO_GO)
 
     def _show_end(self, ended: Ended) -> None:
         self._action.leave()
         self._phase.leave()
+        self._fault.leave()
         started, result = self._story.started, self._story
         self._record.send_property(
             "episode",
@@ -223,7 +254,7 @@ class RerunSink:
         """The panels that are text, each when it says something new."""
         self._tell(STATUS, documents.status(self._story))
         if isinstance(payload, Belief | Judged | Compared | Ended):
-            self._arrange()
+            self._arrange(isinstance(payload, Ended))
             self._tell(BELIEF, documents.belief(self._story))
         if isinstance(payload, Looked | Judged | Compared | Decision | Ended):
             self._tell(LOOK, documents.look(self._story))

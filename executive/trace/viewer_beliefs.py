@@ -5,6 +5,7 @@ An atom is in play once its truth changed or it was not as expected; it is shown
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from itertools import cycle
 from typing import NamedTuple
@@ -47,6 +48,7 @@ class Beliefs:
         self._past: dict[Atom, list[_Point]] = {}
         self._answers: dict[Atom, list[tuple[Event, float]]] = {}
         self._shown: dict[Atom, Lane] = {}
+        self._amiss: Counter[Atom] = Counter()
         self._colours = cycle(CURVES)
         self._looks: list[Event] = []
         self._drawn: set[tuple[str, str]] = set()
@@ -72,22 +74,46 @@ class Beliefs:
             case _:
                 self._settle()
 
-    def show(self, atoms: Iterable[Atom]) -> None:
+    def amiss(self, atoms: Iterable[Atom]) -> None:
+        """These were not as expected, or cannot be told."""
+        self._amiss.update(sorted(atoms))
+        self._show(self._amiss)
+
+    def telling(self, goal: Iterable[Atom], most_words: int, most_curves: int) -> tuple[list[str], list[str]]:
+        """Which of the atoms in play tell most, as entities: in words some that were amiss most often, and the goal's;
+        as curves those that were amiss, and those whose answers were not what was made of them. The curves get colours
+        that can be told apart."""
+        amiss = [atom for atom, _ in self._amiss.most_common()]
+        doubted = sorted(self._answers.keys() & self._shown, key=lambda atom: (-len(self._answers[atom]), atom))
+        rest = [*(atom for atom in sorted(goal) if atom in self._shown), *amiss, *self._shown]
+        words, curves = (
+            [*dict.fromkeys([*amiss[: most_words // 2], *rest])],
+            [*dict.fromkeys([*amiss, *doubted, *rest])],
+        )
+        for atom, colour in zip(curves[:most_curves], CURVES, strict=False):
+            self._style(atom, colour)
+        return [_path(atom) for atom in words[:most_words]], [_path(atom) for atom in curves[:most_curves]]
+
+    def _show(self, atoms: Iterable[Atom]) -> None:
         """Bring atoms into play."""
         for atom in sorted(set(atoms) - self._shown.keys()):
             colour = next(self._colours)
             lane = self._shown[atom] = Lane(self._record, _entity(BELIEVED, atom), _WORDS)
-            line = rr.SeriesLines(
-                names=str(atom), colors=colour, widths=2.0, interpolation_mode=rr.components.InterpolationMode.StepAfter
-            )
-            self._record.log(_entity(PROBABILITY, atom), line, static=True)
-            marks = rr.SeriesPoints(names=f"{atom}, answered", colors=colour, markers="Circle", marker_sizes=3.5)
-            self._record.log(_entity(ANSWERS, atom), marks, static=True)
+            self._style(atom, colour)
             past = self._past.get(atom, [])
             lane.enter_all([(point.event, point.word) for point in past])
             known = [(point.event, point.probability) for point in past if point.probability is not None]
             self._curve(PROBABILITY, atom, known)
             self._curve(ANSWERS, atom, self._answers.get(atom, []))
+
+    def _style(self, atom: Atom, colour: Colour) -> None:
+        """A curve for what is believed and marks for what was answered, under one name."""
+        line = rr.SeriesLines(
+            names=str(atom), colors=colour, widths=2.0, interpolation_mode=rr.components.InterpolationMode.StepAfter
+        )
+        self._record.log(_entity(PROBABILITY, atom), line, static=True)
+        marks = rr.SeriesPoints(names=str(atom), colors=colour, markers="Circle", marker_sizes=3.5)
+        self._record.log(_entity(ANSWERS, atom), marks, static=True)
 
     def close(self) -> None:
         self._settle()
@@ -124,7 +150,7 @@ class Beliefs:
             if point.probability is not None:
                 self._record.log(_entity(PROBABILITY, atom), rr.Scalars(point.probability))
         elif _truth(past[0].word) != _truth(point.word):
-            self.show([atom])
+            self._show([atom])
 
     def _mark(self, event: Event, answers: Mapping[Atom, float]) -> None:
         for atom, value in answers.items():
@@ -172,3 +198,7 @@ def _truth(word: str) -> str:
 def _entity(root: str, atom: Atom) -> list[object]:
     """`root/on-table/lemon/wood-table`, which the viewer prints without escapes."""
     return [root, atom.predicate, *atom.args]
+
+
+def _path(atom: Atom) -> str:
+    return "/".join((atom.predicate, *atom.args))

@@ -38,14 +38,9 @@ LANES: tuple[Colour, ...] = (
     (84, 100, 150),
 )
 """For states without a meaning of their own, told apart by hue; white text is readable on all of them."""
-STAGES: dict[str, Colour] = {
-    "look": (52, 118, 160),
-    "judge": (64, 140, 130),
-    "plan": (128, 98, 170),
-    "move": (84, 100, 110),
-    "guard": (190, 130, 40),
-}
-"""What the loop does."""
+REACHED: Colour = (52, 140, 84)
+TO_GO: Colour = (84, 100, 110)
+"""For how much of the goal holds."""
 CURVES: tuple[Colour, ...] = (
     (86, 180, 233),
     (230, 159, 0),

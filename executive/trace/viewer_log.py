@@ -1,4 +1,4 @@
-"""The log in the viewer: a line for each fault, each decision, and all else that did not go by itself."""
+"""The log in the viewer: a line for each fault, each plan, and all else that did not go by itself."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 from executive.trace import documents
 from executive.trace.story import Story
 from executive.trace.terminal_view import contradiction
-from executive.trace.viewer_colours import AMBER, BLUE, GREEN, GREY, PURPLE, RED, WHITE, Colour
+from executive.trace.viewer_colours import AMBER, BLUE, GREEN, PURPLE, RED, WHITE, Colour
 from executive.types import (
     Blinded,
     Decision,
@@ -26,12 +26,11 @@ from executive.types import (
     Plan,
     Questions,
     Resumed,
-    Revised,
     SkillResult,
 )
 
-_LITERALS = 4
-"""How many changed facts a line lists before it counts the rest."""
+LOG_WIDTH = 66
+"""Characters of a line, in a window of 1280 pixels."""
 
 
 class LogLine(NamedTuple):
@@ -56,7 +55,7 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
         case Guarded(held=held) as guarded if held is not True:
             said = "cannot be told" if held is None else "is seen no longer"
             lost = ", again: the skill is told" if guarded.lost else ""
-            return [LogLine(f"{guarded.atom} {said} (look {guarded.observation_id}){lost}", "GUARD", AMBER)]
+            return [LogLine(f"guard: {guarded.atom} {said} (look {guarded.observation_id}){lost}", "GUARD", AMBER)]
         case Resumed() as resumed:
             told = f"another process goes on with the world as it was in cycle {resumed.restored}"
             return [LogLine(told, "PROCESS", WHITE)]
@@ -68,15 +67,11 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
         case NoPlan(reason=reason, detail=detail):
             return [LogLine(f"no plan: {reason} {detail}", "PLAN", RED)]
         case FaultInjected(spec=spec, detail=detail):
-            return [LogLine(f"{spec}: {detail}", "FAULT", PURPLE)]
+            return [LogLine(f"fault {spec}: {detail}", "FAULT", PURPLE)]
         case SkillResult() as result if not result.done:
-            return [LogLine(f"{result.step}: {result.status}, {result.reason}", "SKILL", RED)]
-        case Revised(changed=changed) if changed:
-            literals = changed.literals()
-            more = f" and {len(literals) - _LITERALS} more" if len(literals) > _LITERALS else ""
-            return [LogLine(f"now {', '.join(literals[:_LITERALS])}{more}", "FACTS", WHITE)]
-        case Decision() as decision:
-            return [LogLine(documents.log_line(decision), "DECISION", _colour(decision))]
+            return [LogLine(f"skill: {result.step} {result.status}, {result.reason}", "SKILL", RED)]
+        case Decision() as decision if _tells(decision):
+            return [LogLine(documents.log_line(decision), "DECISION", AMBER)]
         case Ended() as ended:
             return [LogLine(f"{ended.outcome}: {ended.reason}", "END", outcome_colour(ended.outcome))]
     return []
@@ -92,15 +87,13 @@ def _overruled(wrong: Overruled) -> str:
     return f"{wrong.atom}: seen {'true' if wrong.answered else 'false'} ({wrong.answer:.2f}), {believed}"
 
 
+def _tells(decision: Decision) -> bool:
+    """Whether a decision is not what happens when all goes well, and not told by the end of the run."""
+    routine = documents.is_routine(decision) and (decision.report is None or decision.report.done)
+    return not routine and decision.kind is not DecisionKind.STOP
+
+
 def outcome_colour(outcome: OutcomeKind | None) -> Colour:
     if outcome is OutcomeKind.GOAL_REACHED:
         return GREEN
     return AMBER if outcome is OutcomeKind.PLAN_COMPLETED else RED
-
-
-def _colour(decision: Decision) -> Colour:
-    if documents.is_routine(decision):
-        return GREY
-    if decision.kind is not DecisionKind.STOP:
-        return AMBER
-    return outcome_colour(decision.outcome)

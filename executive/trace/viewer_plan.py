@@ -1,73 +1,90 @@
-"""The plan as a graph: a row a plan, a node a step, the latest plans at the bottom."""
+"""The plan as a graph: a node a step, the latest plans at the bottom, a long plan in several rows."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import rerun as rr
 
 from executive.trace.documents import plain, step_label
-from executive.trace.story import Mark, PlanLine, StepLine, Story
+from executive.trace.story import Mark, PlanLine, Story
 from executive.trace.viewer_blueprint import GRAPH_HEIGHT, GRAPH_WIDTH
-from executive.trace.viewer_colours import COLOUR_OF, WHITE, Colour
+from executive.trace.viewer_colours import COLOUR_OF, DIM, WHITE, Colour
 
 ROWS, COLUMNS = 3, 10
-"""How much is shown at once: the last plans, and of a longer plan the steps around the current one."""
+"""How much is shown at once: rows, and steps in each."""
 MARGIN = 46.0
 """From the edge to the middle of a row's first and last node, in the panel's units."""
 
 
 @dataclass
-class _Graph:
-    nodes: list[str] = field(default_factory=list)
-    labels: list[str] = field(default_factory=list)
-    colours: list[Colour] = field(default_factory=list)
-    positions: list[tuple[float, float]] = field(default_factory=list)
-    edges: list[tuple[str, str]] = field(default_factory=list)
+class Row:
+    """Nodes from left to right, each with an arrow to the next: its name, its text, its colour."""
 
-    def add(self, node: str, label: str, colour: Colour, x: float, y: float) -> None:
-        self.nodes.append(node)
-        self.labels.append(label)
-        self.colours.append(colour)
-        self.positions.append((x, y))
+    nodes: list[tuple[str, str, Colour]] = field(default_factory=list)
+
+    def add(self, node: str, label: str, colour: Colour) -> None:
+        self.nodes.append((node, plain(label), colour))
 
 
-def plan_graph(story: Story) -> tuple[rr.GraphNodes, rr.GraphEdges]:
-    """The last plans of the run with how each step stands."""
-    graph, plans = _Graph(), story.plans[-ROWS:]
-    windows = [_window(plan.lines) for plan in plans]
-    longest = max((len(window) for _, window, _ in windows), default=0)
-    across = min((GRAPH_WIDTH - 2 * MARGIN) / max(longest, 1), 170.0)
-    down = GRAPH_HEIGHT / (len(plans) or 1)
-    for row, (plan, (before, lines, after)) in enumerate(zip(plans, windows, strict=True)):
-        y = (row + 0.5) * down
-        previous = f"plan {plan.number}"
-        graph.add(previous, _title(plan, before, after), WHITE, MARGIN, y)
-        for column, line in enumerate(lines, start=1):
-            node = f"{plan.number}.{before + column}"
-            graph.add(node, step_label(line), COLOUR_OF[line.mark], MARGIN + column * across, y)
-            graph.edges.append((previous, node))
-            previous = node
+def plan_rows(story: Story) -> list[Row]:
+    """The last plans of the run with how each step stands: the one that is carried out and, as far as there is room,
+    those before it."""
+    rows: list[Row] = []
+    for plan in reversed(story.plans):
+        if len(rows) < ROWS:
+            rows = [*_rows(plan, plan is story.plan, ROWS - len(rows)), *rows]
+    return rows
+
+
+def plan_graph(rows: Sequence[Row]) -> tuple[rr.GraphNodes, rr.GraphEdges]:
+    """The same as the viewer has it."""
+    across = min((GRAPH_WIDTH - 2 * MARGIN) / max([1, *(len(row.nodes) - 1 for row in rows)]), 170.0)
+    down = GRAPH_HEIGHT / (len(rows) or 1)
+    nodes = [node for row in rows for node in row.nodes]
     return (
         rr.GraphNodes(
-            graph.nodes, labels=graph.labels, colors=graph.colours, positions=graph.positions, show_labels=True
+            [name for name, _, _ in nodes],
+            labels=[label for _, label, _ in nodes],
+            colors=[colour for _, _, colour in nodes],
+            positions=[
+                (MARGIN + column * across, (number + 0.5) * down)
+                for number, row in enumerate(rows)
+                for column in range(len(row.nodes))
+            ],
+            show_labels=True,
         ),
-        rr.GraphEdges(graph.edges, graph_type="directed"),
+        rr.GraphEdges(
+            [(one, other) for row in rows for (one, _, _), (other, _, _) in pairwise(row.nodes)],
+            graph_type="directed",
+        ),
     )
 
 
-def _window(lines: Sequence[StepLine]) -> tuple[int, Sequence[StepLine], int]:
-    """How many steps are left out before, the steps to show, and how many are left out after."""
-    if len(lines) <= COLUMNS:
-        return 0, lines, 0
+def _rows(plan: PlanLine, is_current: bool, room: int) -> Sequence[Row]:
+    """A plan in at most `room` rows. Of one that another took the place of, what was never begun is counted alone."""
+    lines = plan.lines
+    if not is_current:
+        lines = lines[: 1 + max((at for at, line in enumerate(lines) if line.mark is not Mark.DROPPED), default=-1)]
+    rows = []
+    for first in range(0, max(1, len(lines)), COLUMNS):
+        row, last = Row(), min(first + COLUMNS, len(lines))
+        some = f"\n{first + 1} to {last}" if len(lines) > COLUMNS else ""
+        row.add(f"plan {plan.number}.{first}", f"plan {plan.number}\n{_steps(len(plan.lines))}{some}", WHITE)
+        for at, line in enumerate(lines[first:last], start=first):
+            row.add(f"{plan.number}.{at}", step_label(line), COLOUR_OF[line.mark])
+        rows.append(row)
+    left = len(plan.lines) - len(lines)
+    if left:
+        rows[-1].add(f"plan {plan.number}.left", f"{_steps(left)}\nnot begun", DIM)
+    if not is_current:
+        return rows[-room:]
     settled = sum(line.mark in (Mark.DONE, Mark.SKIPPED) for line in lines)
-    first = min(max(0, settled - COLUMNS // 2), len(lines) - COLUMNS)
-    return first, lines[first : first + COLUMNS], len(lines) - COLUMNS - first
+    first = max(0, min(settled // COLUMNS - 1, len(rows) - room))
+    return rows[first : first + room]
 
 
-def _title(plan: PlanLine, before: int, after: int) -> str:
-    lines = [f"plan {plan.number}", f"{len(plan.lines)} steps"]
-    if before or after:
-        lines.append(f"{before + 1} to {len(plan.lines) - after}")
-    return plain("\n".join(lines))
+def _steps(count: int) -> str:
+    return f"{count} step{'s' * (count != 1)}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.trace import documents
 from executive.trace.story import Story
-from executive.types import Event
+from executive.types import Event, Started
 from tests.executive.trace.strategies import events
 from tests.executive.trace.synthetic import synthetic_events
 
@@ -56,12 +57,12 @@ def test_surprises_stand_out_and_come_first() -> None:
     run = synthetic_events()
     end = next(i for i, event in enumerate(run) if event.cycle == 3) - 1
     text = documents.belief(story_of(run[:end]))
-    assert text.startswith("**after place cereal-box white-table**, look 2")
-    rows = [row for row in text.splitlines() if row.startswith("|")][2:]
+    head, _, *rows = [row for row in text.splitlines() if row.startswith("|")]
+    assert head.startswith("|  | after place cereal-box white-table, look 2 | expected | P(true) |")
     assert rows[0] == "| **✗** | **`on-table(cereal-box,white-table)`** | **true** | **0.02** |"
     assert "### ✗ 2 not as expected" in text
-    assert [row.count("**") for row in rows] == [8, 8, 0, 0]
-    assert text.endswith("6 more, as expected")
+    assert [row.count("**") for row in rows] == [8, 8, 0, 0, 0]
+    assert "6 more, as expected" in rows[-1]
 
 
 def test_a_look_tells_what_it_changed_what_came_true_first() -> None:
@@ -83,3 +84,11 @@ def test_the_status_tells_the_outcome_at_the_end() -> None:
     assert "**goal-reached**" in text
     assert "**goal 2 of 2**" in text
     assert "7 actions · 10 looks · 1 replan · 1 fault" in text
+
+
+def test_the_goal_of_one_that_does_not_look_is_said_to_be_assumed() -> None:
+    first, *rest = synthetic_events()
+    assert isinstance(first.payload, Started)
+    blind = story_of([replace(first, payload=replace(first.payload, estimator="none")), *rest])
+    assert "**goal 2 of 2 assumed**" in documents.status(blind)
+    assert "nobody looks" in documents.status(blind)

@@ -1,7 +1,6 @@
 """The viewer's file of a real run, with a drop and a recovery: what is in it, how large it is, and pictures of it.
 
-The pictures are left in the folder that PICTURES names, where it names one: `make test` has them in build/pictures,
-`make pictures` in docs/images.
+The pictures are left in the folder that PICTURES names, where it names one: `make test` has them in build/pictures.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun as rr
 from rerun.chunk import RrdReader
 
 from executive.monitor import FusedMonitor, Network, PlainMonitor, Thresholds
@@ -14,6 +15,7 @@ from executive.monitor.fused import BAND
 from executive.trace.limits import recorded_thresholds, thresholds
 from executive.trace.monitors import save
 from executive.trace.viewer import RerunSink
+from executive.trace.viewer_beliefs import Beliefs
 from executive.trace.viewer_log import log_lines
 from executive.trace.viewer_process import TRACE_FILE
 from executive.types import (
@@ -22,6 +24,8 @@ from executive.types import (
     Blinded,
     Compared,
     Contradiction,
+    Decision,
+    DecisionKind,
     Event,
     Facts,
     Guarded,
@@ -33,7 +37,6 @@ from executive.types import (
     Overruled,
     Payload,
     Remembered,
-    Revised,
     SkillStatus,
     Verdict,
 )
@@ -144,10 +147,13 @@ def test_thresholds_are_those_of_the_monitor_and_of_its_record(tmp_path: Path) -
     [
         (look(7, {LEMON: 0.5}, LookKind.CLOSER)[2], "LOOK", "look 7, closer: 1 atoms through front"),
         (Blinded("hand", "frozen", 3), "LOOK", "camera hand is left out: frozen"),
-        (Guarded(LEMON, None, False, 3), "GUARD", f"{LEMON} cannot be told (look 3)"),
-        (Guarded(LEMON, False, True, 3), "GUARD", f"{LEMON} is seen no longer (look 3), again: the skill is told"),
+        (Guarded(LEMON, None, False, 3), "GUARD", f"guard: {LEMON} cannot be told (look 3)"),
+        (
+            Guarded(LEMON, False, True, 3),
+            "GUARD",
+            f"guard: {LEMON} is seen no longer (look 3), again: the skill is told",
+        ),
         (Moved("aside", SkillStatus.NO_PATH, "no way", 0.0), "MOVE", "out of the way, aside: no path, no way"),
-        (Revised(Facts(), Facts({LEMON: False})), "FACTS", f"now not {LEMON}"),
         (
             judged(1, {}, overruled=(Overruled(LEMON, True, 0.9, None, 0.4),)),
             "LOOK",
@@ -165,6 +171,22 @@ def test_what_looks_and_guards_find_is_in_the_log(payload: Payload, level: str, 
     assert (line.level, line.text) == (level, says)
 
 
+def test_what_was_amiss_and_the_goal_are_shown_where_there_is_not_room_for_all(tmp_path: Path) -> None:
+    items = [Atom("on-table", (name, "wood-table")) for name in ("bread", "can", "milk", "soup")]
+    beliefs = Beliefs(rr.RecordingStream("test"), {})
+    for number, chance in enumerate((0.1, 0.9)):
+        beliefs.tell(Event(number, float(number), 0.0, Belief(number, dict.fromkeys(items, chance), frozenset(), "it")))
+    beliefs.close()
+    beliefs.amiss(items[2:3])
+    beliefs.amiss(items[2:])
+    paths = ["on-table/milk/wood-table", "on-table/can/wood-table"]
+    assert beliefs.telling(goal=[items[1]], most_words=2, most_curves=2) == (
+        paths,
+        [paths[0], "on-table/soup/wood-table"],
+    )
+
+
 def test_what_goes_by_itself_is_not() -> None:
-    for payload in (*look(7, {LEMON: 0.5}), Guarded(LEMON, True, False, 3), judged(1, {LEMON: 0.9})):
+    routine = Decision(DecisionKind.CONTINUE, "as expected")
+    for payload in (routine, *look(7, {LEMON: 0.5}), Guarded(LEMON, True, False, 3), judged(1, {LEMON: 0.9})):
         assert log_lines(payload, story_of([])) == []
