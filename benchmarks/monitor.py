@@ -38,10 +38,10 @@ from executive.cli.frame import INTERRUPTED, ctrl_c
 from executive.domain import Domain, load_domain
 from executive.errors import ExecutiveError
 from executive.lab.campaign.bench import Bench
-from executive.lab.campaign.crew import Processes
 from executive.lab.campaign.design import Campaign
 from executive.lab.campaign.episode import FAILED, Player, Simulated
 from executive.lab.campaign.rows import read_rows
+from executive.lab.crew import Processes
 from executive.lab.progress import told
 from executive.monitor import EXACT, ActionModel, Eye, Network, Reading
 from executive.mutex import find_mutexes
@@ -171,7 +171,7 @@ def _loop(part: str, campaign: Campaign, prepare: Callable[[Path], Player], argu
     with Bench(campaign, out, shlex.join(sys.argv), lambda line: print(line, file=sys.stderr)) as work:
         wanted = work.wanted()
         if work.missing(wanted):
-            crew = Processes(partial(prepare, work.work), arguments.jobs, 60 * campaign.minutes)
+            crew = Processes(partial(prepare, work.work), arguments.jobs, 60 * campaign.minutes, alone=True)
             with crew, ctrl_c(work.cancel), told(sys.stderr, f"{part} episodes") as watch:
                 if not work.play(wanted, crew, watch):
                     raise StoppedError

@@ -17,7 +17,8 @@ from executive.domain import load_domain
 from executive.eye import EyeConfig, settled
 from executive.faults.spoiled import SPOILED, most
 from executive.lab import evaluation_store
-from executive.lab.evaluate import EvalConfig, Evaluation, Evaluator
+from executive.lab.crew import Processes
+from executive.lab.evaluate import EvalConfig, Evaluation, Evaluator, Look, Opened, Said
 from executive.lab.progress import Progress, estimate
 
 HALF, NEAR = 0.5, 0.05
@@ -92,8 +93,8 @@ def _evaluation(data: Path, looks: int | None, out: Path, spoiled: str) -> Evalu
     if not (folder / evaluation_store.RESULTS).is_file():
         folder.mkdir(parents=True, exist_ok=True)
         config = EvalConfig("grocery", data, EyeConfig(), looks=looks, disturb=(spoiled,) if spoiled else ())
-        with Evaluator(config) as evaluator:
-            made = evaluator.run(_watch(spoiled or "as they are"))
+        with Evaluator(config) as evaluator, Processes[Look, Opened | Said](evaluator.looker, 1) as crew:
+            made = evaluator.run(crew, watch=_watch(spoiled or "as they are"))
         assert made is not None  # nobody cancels it
         evaluation_store.save(folder, made)
         print(f"{spoiled or 'as they are'}: whole state right in {exact(made):.1%} of {len(made.looks)} looks",

@@ -11,6 +11,7 @@ from executive.faults import FaultInjector, faulty_estimator, parse_fault
 from executive.lab.campaign.design import Episode, Place
 from executive.lab.campaign.episode import Player, Row, out_of_reach, row
 from executive.lab.campaign.scoring import Scorer
+from executive.lab.crew import Tell
 from executive.loop import Executive
 from executive.monitor import EXACT, ActionModel, FusedMonitor, Monitor, Network, PlainMonitor
 from executive.trace.report import Collector
@@ -27,7 +28,7 @@ def player(work: Path) -> Player:
     return play
 
 
-def play(episode: Episode) -> Row:
+def play(episode: Episode, tell: Tell = lambda done: None) -> Row:
     """One run in the symbolic world."""
     config, seed = episode.config, episode.seed
     some = task(THINGS, PLACES, GOAL)

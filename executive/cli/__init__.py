@@ -1,7 +1,8 @@
 """The command line: each command a few lines over the library.
 
 Exit codes: 0 goal reached, 1 not reached, 2 bad input, 3 something is missing on the machine, 70 a bug in Executive,
-130 interrupted. Whatever goes wrong is one line on stderr; `executive --debug ...` shows the traceback instead.
+130 interrupted, 143 asked to end (SIGTERM). Whatever goes wrong is one line on stderr; `executive --debug ...` shows
+the traceback instead.
 
 Everything heavy is imported inside the command that needs it, so that `executive --help` answers at once.
 """

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, one_line
-from executive.errors import InputError, nearest
+from executive.cli import hiring
+from executive.cli.frame import NOT_REACHED, REACHED, SECONDS_TO_LEAVE, ctrl_c, one_line
+from executive.errors import InputError
 
 if TYPE_CHECKING:
-    from executive.lab.campaign.crew import Crew
     from executive.lab.campaign.design import Episode
-
-ENGINES = ("processes", "ray")
+    from executive.lab.campaign.episode import Row
+    from executive.lab.crew import Crew
 
 
 def bench(
@@ -36,9 +36,9 @@ def bench(
     retry: Annotated[
         bool, typer.Option("--retry", help="Play those again that could not be played to an end.")
     ] = False,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Episodes at a time; as many as there are cores.")] = None,
-    engine: Annotated[str, typer.Option(help="Who plays: processes of this machine, or ray.")] = "processes",
-    address: Annotated[str | None, typer.Option(help="Of a Ray cluster, for --engine ray.")] = None,
+    jobs: hiring.Jobs = None,
+    engine: hiring.Engine = "processes",
+    address: hiring.Address = None,
     share_model: Annotated[
         bool | None,
         typer.Option(
@@ -64,10 +64,7 @@ def bench(
     if report is not None:
         return _report(report, as_json)
     assert campaign is not None
-    if engine not in ENGINES:
-        raise InputError(f"no engine {engine!r}; {nearest(engine, ENGINES)}", key="--engine")
-    if address is not None and engine != "ray":
-        raise InputError("goes with --engine ray", key="--address")
+    hiring.check(engine, address)
     if share_model is not None and engine == "ray":
         key = "--share-model" if share_model else "--no-share-model"
         raise InputError("goes with --engine processes; with Ray, each process holds a model of its own", key=key)
@@ -78,8 +75,8 @@ def bench(
 
     from executive.lab.campaign.bench import Bench
     from executive.lab.campaign.episode import Simulated
-    from executive.lab.campaign.on_ray import OnRay
     from executive.lab.campaign.reading import check, read_campaign
+    from executive.lab.on_ray import OnRay
     from executive.lab.progress import told
 
     design = read_campaign(campaign)
@@ -93,24 +90,29 @@ def bench(
             check(missing)
             limit = 60 * design.minutes
             if engine == "ray":
-                hired: AbstractContextManager[Crew] = OnRay(Simulated, jobs, limit, address)
+                hired: AbstractContextManager[Crew[Episode, Row]] = OnRay(Simulated, jobs, limit, address)
             else:
                 hired = _processes(work.work, missing, jobs, limit, share_model)
-            with hired as crew, ctrl_c(work.cancel), told(sys.stderr, "episodes") as watch:
-                if not work.play(wanted, crew, watch):
-                    print(f"interrupted; finished episodes are kept, go on with: {shlex.join(again)}", file=sys.stderr)
-                    return INTERRUPTED
+            with (
+                ctrl_c(work.cancel, SECONDS_TO_LEAVE) as interrupted,
+                hired as crew,
+                told(sys.stderr, "episodes") as watch,
+            ):
+                whole = work.play(wanted, crew, watch)
+            if not whole:
+                print(f"interrupted; finished episodes are kept, go on with: {shlex.join(again)}", file=sys.stderr)
+                return interrupted.code
     return _report(folder, as_json)
 
 
 @contextmanager
 def _processes(
     work: Path, episodes: Sequence[Episode], jobs: int | None, limit: float, share: bool | None
-) -> Iterator[Crew]:
+) -> Iterator[Crew[Episode, Row]]:
     """Processes of this machine, and one more that holds the model for all of them where that is wanted (`share`) or,
     where nothing is said, saves a GPU from holding it several times."""
-    from executive.lab.campaign.crew import Processes
     from executive.lab.campaign.episode import Simulated, loads_model
+    from executive.lab.crew import Processes
     from executive.s3e.host import ModelHost
     from executive.s3e.loading import has_gpu
     from executive.threads import cores
@@ -120,12 +122,12 @@ def _processes(
     elif share is None:
         share = (jobs or cores()) > 1 and has_gpu()
     if not share:
-        with Processes(partial(Simulated, work), jobs, limit) as crew:
+        with Processes(partial(Simulated, work), jobs, limit, alone=True) as crew:
             yield crew
         return
     with (
         ModelHost() as host,
-        Processes(partial(Simulated, work, host.address), jobs, limit, host.revive) as crew,
+        Processes(partial(Simulated, work, host.address), jobs, limit, host.revive, alone=True) as crew,
     ):
         yield crew
 

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import errno
+import os
+import select
 import shlex
 import signal
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from types import FrameType
 from typing import Annotated
@@ -20,9 +24,13 @@ from executive.errors import ExecutiveError
 
 REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
 
+SECONDS_TO_LEAVE = 4.0
+"""In which long work that is interrupted comes to rest, or is left."""
+
 app = typer.Typer(
     help="Plan, do one thing, look, and ask whether the world is as expected.",
-    epilog="Exit codes: 0 goal reached, 1 not reached, 2 bad input, 3 missing on this machine, 130 interrupted.",
+    epilog="Exit codes: 0 goal reached, 1 not reached, 2 bad input, 3 missing on this machine, 130 interrupted, "
+    "143 asked to end.",
     rich_markup_mode=None,
 )
 
@@ -38,9 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line (`sys.argv` unless `arguments` are given) and leave the process with its exit code."""
     streams.settle()
     try:
-        sys.exit(exit_code(sys.argv[1:] if arguments is None else arguments))
+        code = exit_code(sys.argv[1:] if arguments is None else arguments)
     finally:
         streams.leave()
+    if code > INTERRUPTED - signal.SIGINT:  # told to end: to take down all that was loaded can take seconds
+        os._exit(code)
+    sys.exit(code)
 
 
 def exit_code(arguments: Sequence[str]) -> int:
@@ -85,24 +96,84 @@ def one_line(text: str) -> str:
     return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in " ".join(text.split()))
 
 
+class Interrupted:
+    """Whether Ctrl-C came, or another order to end, and the exit code that says which."""
+
+    def __init__(self) -> None:
+        self.order = 0
+
+    @property
+    def code(self) -> int:
+        """As a shell has it: 128 and the signal's number."""
+        return 128 + (self.order or signal.SIGINT)
+
+
 @contextmanager
-def ctrl_c(cancel: Callable[[], None]) -> Iterator[None]:
+def ctrl_c(cancel: Callable[[], None], seconds: float | None = None) -> Iterator[Interrupted]:
     """Ctrl-C once cancels, which leaves the arm at rest and the trace whole; a second one leaves at once. So does being
-    asked to end, and the end of the terminal, unless that is not to matter (nohup)."""
+    asked to end, and the end of the terminal, unless that is not to matter (nohup).
+
+    Args:
+        seconds: after which this process is left anyway, wherever it is. For work that is kept as it goes; that the
+            order has been heard is then said at once, even while this thread is in the middle of something.
+    """
+    heard = Interrupted()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         for each in before:
             signal.signal(each, signal.default_int_handler)
+        heard.order = number
         cancel()
 
     orders = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     heeded = [each for each in orders if signal.getsignal(each) is not signal.SIG_IGN]
     before = {each: signal.signal(each, interrupt) for each in heeded}
     try:
-        yield
+        with nullcontext() if seconds is None else _left_within(seconds, heeded):
+            yield heard
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
+
+
+@contextmanager
+def _left_within(seconds: float, orders: Sequence[int]) -> Iterator[None]:
+    """Say at once that an order has been heard, and leave this process so many seconds after it."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    former = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    watch = threading.Thread(target=_watch, args=(reading, seconds, orders), name="orders", daemon=True)
+    watch.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(former)
+        os.close(writing)
+        watch.join()
+        os.close(reading)
+
+
+def _watch(reading: int, seconds: float, orders: Sequence[int]) -> None:
+    """What `_left_within` has a thread do: the system writes the number of each signal that comes."""
+    while (number := os.read(reading, 1)) and number[0] not in orders:
+        pass
+    if not number:
+        return
+    with suppress(OSError, ValueError):
+        print("stopping; what is finished is kept (once more to leave at once)", file=sys.stderr, flush=True)
+    until = time.monotonic() + seconds
+    while (left := until - time.monotonic()) > 0.0:
+        if not select.select([reading], [], [], left)[0]:
+            continue
+        more = os.read(reading, 64)
+        if not more:
+            return  # it has come to its end
+        if any(each in orders for each in more):
+            until = min(until, time.monotonic() + 1.0)
+    with suppress(OSError, ValueError):
+        sys.stderr.write("\x1b[?25h" if sys.stderr.isatty() else "")  # the cursor, which a bar hides
+        print("left in the middle of something; what was finished is kept", file=sys.stderr, flush=True)
+    os._exit(128 + number[0])
 
 
 def _print_version(wanted: bool) -> None:

@@ -16,7 +16,7 @@ import typer
 
 from executive import completion
 from executive.cli import streams
-from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, one_line
+from executive.cli.frame import NOT_REACHED, REACHED, ctrl_c, one_line
 from executive.cli.options import (
     Abstention,
     CalibrationFile,
@@ -179,7 +179,7 @@ def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
     from executive.trace.report import print_summary
 
     stream = sys.stderr if as_json else sys.stdout
-    with prepared, ctrl_c(prepared.cancel):
+    with prepared, ctrl_c(prepared.cancel) as interrupted:
         summary = prepared.execute()
     struck = {each["spec"] for each in summary["faults"]}
     for spec in prepared.config.faults:
@@ -198,7 +198,7 @@ def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
         print(f"warning: {one_line(unprinted)}", file=sys.stderr)
         streams.leave()
     if summary["outcome"] == OutcomeKind.INTERRUPTED:
-        return INTERRUPTED
+        return interrupted.code
     # A goal that nobody saw is not reported as reached, whatever a blind robot believes.
     return REACHED if summary["goal_seen"] else NOT_REACHED
 

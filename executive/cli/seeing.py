@@ -11,7 +11,8 @@ from typing import Annotated
 import typer
 
 from executive import completion
-from executive.cli.frame import INTERRUPTED, NOT_REACHED, REACHED, ctrl_c, one_line
+from executive.cli import hiring
+from executive.cli.frame import NOT_REACHED, REACHED, SECONDS_TO_LEAVE, ctrl_c, one_line
 from executive.cli.options import (
     Abstention,
     CalibrationFile,
@@ -97,10 +98,13 @@ def collect(
     home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
     grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.010,
     slips: Annotated[float, typer.Option(min=0.0, max=1.0, help="Chance of losing what is carried.")] = 0.05,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")] = None,
+    jobs: hiring.Jobs = None,
+    engine: hiring.Engine = "processes",
+    address: hiring.Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was collected as JSON.")] = False,
 ) -> int:
     """Collect pictures and the truth about them, by random actions in the simulator (the paper's Appendix D)."""
+    hiring.check(engine, address)
     from executive import machine
 
     machine.require()
@@ -110,14 +114,14 @@ def collect(
 
     config = collecting.CollectConfig(domain, out, points, problem, seed, home_pose, grasp_noise, slips, jobs)
     with (
-        collecting.Collection(config, lambda line: print(f"warning: {one_line(line)}", file=sys.stderr)) as collection,
-        ctrl_c(collection.cancel),
+        collecting.Collection(config, _warn) as collection,
+        ctrl_c(collection.cancel, SECONDS_TO_LEAVE) as interrupted,
         told(sys.stderr) as watch,
     ):
-        manifest = collection.run(watch)
+        manifest = collection.run(watch, lambda: hiring.crew(collection.player, jobs, engine, address))
     if manifest is None:
         print(f"interrupted; finished episodes are kept, go on with: {config.command}", file=sys.stderr)
-        return INTERRUPTED
+        return interrupted.code
     print(json.dumps(manifest, indent=2) if as_json else summary(manifest, out))
     return REACHED
 
@@ -150,9 +154,15 @@ def evaluate(
         list[Path] | None, typer.Option(help="The folder of another evaluation, to show beside; repeat it for more.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The report's folder; in evaluations/ if not given.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="How many models look side by side; one if not given.")
+    ] = None,
+    engine: hiring.Engine = "processes",
+    address: hiring.Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
 ) -> int:
     """Measure how well a model sees, on collected pictures (Experiment 1 of the paper), and write a report."""
+    hiring.check(engine, address)
     from executive.lab import evaluation_report as reporting
     from executive.lab import evaluation_store as store
     from executive.lab.evaluate import EvalConfig, Evaluator
@@ -164,15 +174,23 @@ def evaluate(
     )
     config = EvalConfig(domain, data, eye, problem, looks, paraphrases, rename, tuple(disturb or ()), seed)
     others = [store.load(folder) for folder in beside or ()]
-    with store.claimed(out or store.default_folder(config)) as folder:
-        with waiting(sys.stderr, "loading the model"):
-            evaluator = Evaluator(config, lambda line: print(f"warning: {one_line(line)}", file=sys.stderr))
-        with evaluator, ctrl_c(evaluator.cancel), told(sys.stderr, "looks") as watch:
-            evaluation = evaluator.run(watch)
+    again = shlex.join([*shlex.split(config.command), *(["--out", str(out)] if out is not None else [])])
+    folder = out or store.default_folder(config)
+    side_by_side = jobs or (1 if engine == "processes" else None)
+    with store.claimed(folder, again), Evaluator(config, _warn) as evaluator:
+        with (
+            ctrl_c(evaluator.cancel, SECONDS_TO_LEAVE) as interrupted,
+            hiring.crew(evaluator.looker, side_by_side, engine, address, alone=(side_by_side or 0) > 1) as crew,
+        ):
+            with waiting(sys.stderr, "loading the model"):
+                opened = evaluator.open(crew)
+            with told(sys.stderr, "looks") as watch:
+                evaluation = evaluator.run(crew, opened, folder / store.KEPT, watch) if opened is not None else None
         if evaluation is None:
-            print("interrupted; nothing was written", file=sys.stderr)
-            return INTERRUPTED
+            print(f"interrupted; the looks that were taken are kept, go on with: {again}", file=sys.stderr)
+            return interrupted.code
         document = reporting.write(folder, evaluation, evaluator.mistakes.sheet(), others, evaluator.published)
+        (folder / store.KEPT).unlink(missing_ok=True)
     if as_json:
         print(json.dumps({**document, "report": str(folder / reporting.REPORT)}, indent=2))
     else:
@@ -218,11 +236,15 @@ def train(
     from executive.lab.train import TrainConfig, Training
 
     training = Training(TrainConfig(domain, out, problem, recipe, seed, jobs))
-    with ctrl_c(training.cancel), stages(sys.stderr) as watch:
+    with ctrl_c(training.cancel, SECONDS_TO_LEAVE) as interrupted, stages(sys.stderr) as watch:
         model = training.run(watch)
     if model is None:
         print(f"interrupted; everything is kept, go on with: {training.config.command}", file=sys.stderr)
-        return INTERRUPTED
+        return interrupted.code
     look = shlex.join(["executive", "run", domain, "--vlm", str(model)])
     print(json.dumps({"model": str(model), "run": look}, indent=2) if as_json else f"{model}; look through it: {look}")
     return REACHED
+
+
+def _warn(line: str) -> None:
+    print(f"warning: {one_line(line)}", file=sys.stderr)

@@ -12,25 +12,24 @@ import math
 import os
 import shlex
 import time
-from collections.abc import Callable, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 from executive.assemble import checked_stage
 from executive.domain import Domain, load_domain
 from executive.errors import ExecutiveError, InputError
 from executive.lab import card, dataset
+from executive.lab.crew import Crew, LostError, Processes, Tell, done_by
 from executive.lab.dataset import Log
 from executive.lab.episode import MOST_FAILURES, MOST_POINTS, Collector
-from executive.lab.folders import lock
+from executive.lab.folders import lock, sweep
 from executive.lab.progress import Progress
-from executive.lab.worker import Pool
 from executive.sim.spec import read_scene
 
 GRASP_NOISE, SLIPS = 0.010, 0.05
@@ -91,6 +90,20 @@ class CollectConfig:
         return shlex.join(words)
 
 
+class Task(NamedTuple):
+    """An episode to be played, and after how many points it is cut."""
+
+    episode: int
+    most: int
+
+
+class Played(NamedTuple):
+    """What an episode came to, and its file."""
+
+    log: Log
+    shard: bytes
+
+
 class Collection:
     """One collection, its folder checked and what is there already read. A context manager that holds the folder.
 
@@ -108,8 +121,9 @@ class Collection:
         self._cancelled = False
         self._cameras = {camera.name: [camera.width, camera.height] for camera in read_scene(self.domain.scene).cameras}
         self._check_folder()
-        self._lock = lock(config.out, "collecting")
+        self._lock = lock(config.out, "collecting", config.command)
         try:
+            sweep(config.out, config.out / dataset.SHARDS)
             self._logs = self._read_logs(warn)
         except BaseException:
             self.close()
@@ -125,22 +139,34 @@ class Collection:
 
     def close(self) -> None:
         """Let another process collect in this folder."""
-        os.close(self._lock)
+        self._lock.release()
+
+    @property
+    def player(self) -> Callable[[], Player]:
+        """Makes what plays its episodes, in any process."""
+        return partial(Player, self.config, self._digest, tuple(self._cameras))
 
     def cancel(self) -> None:
         """Have `run` stop soon. A flag: safe from any thread and signal handler."""
         self._cancelled = True
 
-    def run(self, watch: Callable[[Progress], None] = lambda progress: None) -> dict[str, Any] | None:
+    def run(
+        self,
+        watch: Callable[[Progress], None] = lambda progress: None,
+        hire: Callable[[], Crew[Task, Played]] | None = None,
+    ) -> dict[str, Any] | None:
         """Collect what is missing, write the data card, and return the manifest; None when cancelled.
 
-        `watch` is called a few times a second. The processes are spawned: a script that calls this guards its own
-        start with `if __name__ == "__main__"`, as multiprocessing asks.
+        `watch` is called a few times a second. `hire` says who plays, if anything is missing. Without it, processes are
+        spawned: a script that calls this guards its own start with `if __name__ == "__main__"`, as multiprocessing
+        asks.
         """
         if self._lacking():
             self._write_manifest(finished=False)
             self._drop_cut()
-            self._collect(watch)
+            crew = Processes[Task, Played](self.player, self.config.jobs) if hire is None else hire()
+            with crew as players:
+                self._collect(players, watch)
             if self._cancelled:
                 return None
             self._cut()
@@ -164,19 +190,19 @@ class Collection:
         for number in [number for number, log in self._logs.items() if log.ending is dataset.Ending.CUT]:
             del self._logs[number]
 
-    def _next(self, playing: Mapping[Future[Log | None], int]) -> tuple[int, int] | None:
+    def _next(self, busy: AbstractSet[int]) -> Task | None:
         """The first episode that is missing, if even full episodes before it would leave points to be made, and how
         many of its points are of use.
 
         So no episode is ever played in vain, and which ones are played does not depend on who is quicker.
         """
-        busy, full, before, number = frozenset(playing.values()), self.config.per_episode, 0, 0
+        full, before, number = self.config.per_episode, 0, 0
         while number in self._logs or number in busy:
             before += self._logs[number].points if number in self._logs else full
             number += 1
         left = self.config.points - before
         certain = not any(other < number for other in busy)  # else episodes before it may turn out to be short
-        return (number, min(left, full) if certain else full) if left > 0 else None
+        return Task(number, min(left, full) if certain else full) if left > 0 else None
 
     def _cut(self) -> None:
         """Leave the points that were asked for."""
@@ -188,31 +214,37 @@ class Collection:
 
     # Who plays them.
 
-    def _collect(self, watch: Callable[[Progress], None]) -> None:
+    def _collect(self, crew: Crew[Task, Played], watch: Callable[[Progress], None]) -> None:
         kept, began = sum(log.points for log in self._logs.values()), time.monotonic()
-        playing: dict[Future[Log | None], int] = {}
-        config, prepare = self.config, partial(collector, self.config)
-        with Pool(prepare, config.out, self._digest, tuple(self._cameras), config.jobs) as pool:
-            while not self._cancelled and (playing or self._next(playing) is not None):
-                while len(playing) < pool.jobs and (task := self._next(playing)) is not None:
-                    playing[pool.submit(*task)] = task[0]
-                for future in wait(playing, timeout=0.2, return_when=FIRST_COMPLETED).done:
-                    log = self._result(future)
-                    del playing[future]
-                    if log is not None:
-                        self._logs[log.episode] = log
-                self._give_up_if_fruitless()
-                points = min(kept + pool.made, config.points)
-                watch(Progress(points, config.points, pool.made, time.monotonic() - began))
+        playing: set[int] = set()
 
-    def _result(self, future: Future[Log | None]) -> Log | None:
+        def following() -> Task | None:
+            task = self._next(playing)
+            if task is not None:
+                playing.add(task.episode)
+            return task
+
+        made = 0
+        for ended in done_by(crew, following, lambda: self._cancelled):
+            for each in ended:
+                playing.remove(each.job.episode)
+                try:
+                    self._keep(each.value())
+                except LostError as error:
+                    raise ExecutiveError(
+                        f"episode {each.job.episode}: {error}; go on with: {self.config.command}"
+                    ) from None
+                made += self._logs[each.job.episode].points
+            self._give_up_if_fruitless()
+            new = round(made + crew.under_way)
+            watch(Progress(min(kept + new, self.config.points), self.config.points, new, time.monotonic() - began))
+
+    def _keep(self, played: Played) -> None:
         try:
-            return future.result()
-        except BrokenProcessPool:
-            raise ExecutiveError(
-                "a process that collected died (was there enough memory? --jobs takes fewer of them); "
-                f"go on with: {self.config.command}"
-            ) from None
+            dataset.write_atomically(dataset.shard(self.config.out, played.log.episode), played.shard)
+        except OSError as error:
+            raise InputError(f"cannot be written to ({error.strerror})", file=self.config.out) from None
+        self._logs[played.log.episode] = played.log
 
     def _give_up_if_fruitless(self) -> None:
         if len(self._logs) >= FRUITLESS and not any(log.points for log in self._logs.values()):
@@ -254,8 +286,6 @@ class Collection:
         if not (self.config.out / dataset.MANIFEST).exists():
             self._write_manifest(finished=False)
         folder.mkdir(exist_ok=True)
-        for leftover in folder.glob(".episode-*"):
-            leftover.unlink()
         for path in sorted(folder.iterdir()):
             number = path.stem.removeprefix("episode-")
             if not number.isdecimal() or path != dataset.shard(self.config.out, int(number)):
@@ -282,10 +312,24 @@ class Collection:
         return manifest
 
 
-def collector(config: CollectConfig) -> Collector:
-    """What plays the episodes of a collection, made anew in each process."""
-    domain = load_domain(config.domain, config.problem)
-    return Collector(domain, config.seed, config.home_pose, config.grasp_noise, config.slips, config.per_episode)
+class Player:
+    """Plays the episodes of a collection; made anew in each process.
+
+    Args:
+        digest: what the files belong to.
+    """
+
+    def __init__(self, config: CollectConfig, digest: str, cameras: Sequence[str]) -> None:
+        domain = load_domain(config.domain, config.problem)
+        self._collector = Collector(
+            domain, config.seed, config.home_pose, config.grasp_noise, config.slips, config.per_episode
+        )
+        self._digest, self._cameras = digest, cameras
+
+    def __call__(self, task: Task, tell: Tell) -> Played:
+        log, points = self._collector.play(*task, tell)
+        atoms = self._collector.domain.task.atoms
+        return Played(log, dataset.shard_bytes(self._digest, log, points, atoms, self._cameras))
 
 
 # Inside.

@@ -108,10 +108,10 @@ def write_atomically(path: Path, content: bytes) -> None:
     passing.replace(path)
 
 
-def write_shard(
-    folder: Path, collection: str, log: Log, points: Sequence[Point], atoms: Sequence[Atom], cameras: Sequence[str]
-) -> None:
-    """Write an episode's file, whole or not at all. `collection` names what it belongs to."""
+def shard_bytes(
+    collection: str, log: Log, points: Sequence[Point], atoms: Sequence[Atom], cameras: Sequence[str]
+) -> bytes:
+    """An episode's file. `collection` names what it belongs to."""
     import pyarrow as pa
 
     rows = [
@@ -135,7 +135,7 @@ def write_shard(
         }
         for point in points
     ]
-    _write(folder, collection, log, pa.Table.from_pylist(rows, schema=_schema(atoms, cameras)))
+    return _bytes(collection, log, pa.Table.from_pylist(rows, schema=_schema(atoms, cameras)))
 
 
 def cut_shard(folder: Path, collection: str, log: Log, points: int) -> Log:
@@ -147,7 +147,8 @@ def cut_shard(folder: Path, collection: str, log: Log, points: int) -> Log:
         if done == points:
             break
     cut = Log(log.episode, points, tuple(attempts), Ending.CUT)
-    _write(folder, collection, cut, _table(shard(folder, log.episode)).slice(0, points))
+    table = _table(shard(folder, log.episode)).slice(0, points)
+    write_atomically(shard(folder, log.episode), _bytes(collection, cut, table))
     return cut
 
 
@@ -177,8 +178,8 @@ def read_log(folder: Path, collection: str, episode: int) -> Log:
     return log
 
 
-def read(folder: Path, cameras: Collection[str] | None = None) -> Iterator[Point]:
-    """The points of a finished collection, in order of episode and step, read as they are asked for.
+class Reader:
+    """The points of a finished collection, in order of episode and step or one by one, read as they are asked for.
 
     Args:
         cameras: whose pictures to decode; all when not given.
@@ -186,14 +187,44 @@ def read(folder: Path, cameras: Collection[str] | None = None) -> Iterator[Point
     Raises:
         InputError: there is no finished collection, a camera that it has not, or (while reading) a damaged file.
     """
-    manifest = read_manifest(folder)
-    known = list(manifest["cameras"])
-    for camera in cameras or ():
-        if camera not in known:
-            raise InputError(f"has no camera {camera!r}; {nearest(camera, known)}", file=folder)
-    if not manifest["finished"]:
-        raise InputError(f"is not finished; go on with: {manifest['command']}", file=folder)
-    return _points(folder, manifest, [camera for camera in known if cameras is None or camera in cameras])
+
+    def __init__(self, folder: Path, cameras: Collection[str] | None = None) -> None:
+        self._folder, self._manifest = folder, read_manifest(folder)
+        known = list(self._manifest["cameras"])
+        for camera in cameras or ():
+            if camera not in known:
+                raise InputError(f"has no camera {camera!r}; {nearest(camera, known)}", file=folder)
+        if not self._manifest["finished"]:
+            raise InputError(f"is not finished; go on with: {self._manifest['command']}", file=folder)
+        self._cameras = [camera for camera in known if cameras is None or camera in cameras]
+        self._episode, self._rows = -1, list[dict[str, Any]]()
+
+    def __iter__(self) -> Iterator[Point]:
+        for episode in range(self._manifest["statistics"]["episodes"]):
+            index = 0
+            while (point := self.point(episode, index)) is not None:
+                yield point
+                index += 1
+
+    def point(self, episode: int, index: int) -> Point | None:
+        """A point of an episode, counted from 0; None after the last one."""
+        names = ["seed", "episode", "step", "action", "time", "joints", "qpos", "atoms", "surprises"]
+        again = f"collect it again with: {self._manifest['command']}"
+        try:
+            if episode != self._episode:
+                pictures = (f"{IMAGE}{camera}" for camera in self._cameras)
+                self._episode, self._rows = -1, columns(self._folder, episode, *names, *pictures)
+                self._episode = episode
+            return _point(self._rows[index], self._cameras) if index < len(self._rows) else None
+        except InputError as error:
+            raise InputError(f"{error}; {again}") from None
+        except (OSError, ValueError, SyntaxError, LookupError, TypeError, AttributeError) as error:  # no such columns
+            raise InputError(f"is damaged ({error!r}); {again}", file=shard(self._folder, episode)) from None
+
+
+def read(folder: Path, cameras: Collection[str] | None = None) -> Iterator[Point]:
+    """All points of a finished collection; see `Reader`."""
+    return iter(Reader(folder, cameras))
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -241,20 +272,6 @@ def columns(folder: Path, episode: int, *names: str) -> list[dict[str, Any]]:
     return rows
 
 
-def _points(folder: Path, manifest: Mapping[str, Any], cameras: Sequence[str]) -> Iterator[Point]:
-    names = ["seed", "episode", "step", "action", "time", "joints", "qpos", "atoms", "surprises"]
-    for episode in range(manifest["statistics"]["episodes"]):
-        try:
-            rows = columns(folder, episode, *names, *(f"{IMAGE}{camera}" for camera in cameras))
-            points = [_point(row, cameras) for row in rows]
-        except InputError as error:
-            raise InputError(f"{error}; collect it again with: {manifest['command']}") from None
-        except (OSError, ValueError, SyntaxError, LookupError, TypeError, AttributeError) as error:  # no such columns
-            message = f"is damaged ({error!r}); collect it again with: {manifest['command']}"
-            raise InputError(message, file=shard(folder, episode)) from None
-        yield from points
-
-
 def _point(row: Mapping[str, Any], cameras: Sequence[str]) -> Point:
     return Point(
         seed=row["seed"],
@@ -283,7 +300,7 @@ def _table(path: Path, names: Sequence[str] | None = None) -> pa.Table:
         raise InputError(f"is damaged ({str(error).splitlines()[0].rstrip('.')})", file=path) from None
 
 
-def _write(folder: Path, collection: str, log: Log, table: pa.Table) -> None:
+def _bytes(collection: str, log: Log, table: pa.Table) -> bytes:
     import pyarrow.parquet as pq
 
     said = {
@@ -299,7 +316,7 @@ def _write(folder: Path, collection: str, log: Log, table: pa.Table) -> None:
     pq.write_table(
         table.replace_schema_metadata(metadata), buffer, compression="NONE", write_page_checksum=True, version="2.6"
     )
-    write_atomically(shard(folder, log.episode), buffer.getvalue())
+    return buffer.getvalue()
 
 
 def _schema(atoms: Sequence[Atom], cameras: Sequence[str]) -> pa.Schema:

@@ -13,7 +13,6 @@ hardly ever lost later, so now and then the fingers open on the way, and what th
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -23,6 +22,7 @@ from executive.assemble import load_skills
 from executive.domain import Domain
 from executive.errors import ExecutiveError
 from executive.faults import Fault, FaultInjector
+from executive.lab.crew import Tell
 from executive.lab.dataset import Attempt, Ending, Log, Point
 from executive.pddl import Schema
 from executive.protocols import SkillContext
@@ -76,9 +76,8 @@ class Collector:
         self._steps = instances(domain.parsed)
         self._skills = load_skills(domain)
 
-    def play(self, number: int, most: int, stopped: Callable[[], bool], tell: Callable[[], None]) -> Episode | None:
-        """One episode from its reset on, cut after `most` points; None when `stopped` says so meanwhile. `tell` is
-        called at each point.
+    def play(self, number: int, most: int, tell: Tell) -> Episode:
+        """One episode from its reset on, cut after `most` points. `tell` is told their number at each.
 
         The items stand anywhere upright: what the problem declares of their places is for runs.
         """
@@ -90,13 +89,11 @@ class Collector:
             home_pose=self._home_pose,
         )
         try:
-            return self._play(number, most, world, stopped, tell)
+            return self._play(number, most, world, tell)
         finally:
             world.close()
 
-    def _play(
-        self, number: int, most: int, world: MujocoWorld, stopped: Callable[[], bool], tell: Callable[[], None]
-    ) -> Episode | None:
+    def _play(self, number: int, most: int, world: MujocoWorld, tell: Tell) -> Episode:
         truth, atoms = Truth(world, self.domain.relations, self.domain.task.parameters), self.domain.task.atoms
         chance, faults = self._chance(number, 0), FaultInjector([self._slips], world, self._derived(number, 3))
         attempts: list[Attempt] = []
@@ -111,11 +108,9 @@ class Collector:
             count = len(attempts) + 1
             faults.before_action(count, step)
             follow = partial(_follow, faults, count, step)
-            context = SkillContext(world.handle, self._chance(number, 1, count), follow, stopped)
+            context = SkillContext(world.handle, self._chance(number, 1, count), follow, lambda: False)
             result = self._carry_out(step, context)
             faults.after_action(count, step)
-            if stopped():
-                return None
             attempts.append(Attempt(str(step), str(result.status), result.reason))
             before, facts = facts, truth.of(atoms)
             if result.status is SkillStatus.CRASHED:
@@ -124,7 +119,7 @@ class Collector:
             failures = 0 if result.done else failures + 1
             if result.done:
                 points.append(self._point(number, len(points) + 1, step, world, before, facts))
-                tell()
+                tell(len(points))
             if failures == MOST_FAILURES:
                 ending = Ending.FAILURES
                 break

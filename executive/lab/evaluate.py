@@ -1,33 +1,42 @@
 """Experiment 1 of the paper: an eye is shown the looks of a collection, and what it says is held against the truth.
 
-The eye is made by `executive.eye.open_eye` and asked as a run asks it: `estimate(observation, atoms)` for all atoms.
+The eye is made by `executive.eye.open_eye` and asked as a run asks it: `estimate(observation, atoms)` for all atoms. It
+is a process of its own that looks, or several (`executive.lab.crew`); a look depends on its point and the seed alone,
+not on who takes it, and those that were taken before an interruption are not taken again.
 """
 
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import shlex
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from executive.domain import Domain, load_domain, load_subject
+from executive.domain import Domain, Subject, load_domain, load_subject
 from executive.errors import InputError
 from executive.eye import EyeConfig, load_calibration, open_eye, settled
+from executive.files import home, parse_json
 from executive.lab import dataset, published
+from executive.lab.collect import version_of
+from executive.lab.crew import Crew, Tell, done_by
 from executive.lab.dataset import Point
 from executive.lab.disturbance import Disturbance, Disturber
+from executive.lab.journal import Journal, lines
 from executive.lab.metrics import Answers
 from executive.lab.mistakes import Mistakes
 from executive.lab.paraphrases import Paraphrases
 from executive.lab.progress import Progress
 from executive.s3e import S3E, Templates
-from executive.types import Atom, Belief, FloatArray, Observation
+from executive.types import Atom, Belief, FloatArray, Image, Observation, Questions
 
 FRUITLESS = 10
 """Looks in a row without a single answer after which an evaluation is given up."""
@@ -101,50 +110,113 @@ class Evaluation:
         return float(np.median(self.seconds))
 
 
+class Look(NamedTuple):
+    """A look that is to be taken: its number, from 1 on, and where its point is. Number 0 stands for opening the eye
+    and looking at nothing."""
+
+    number: int
+    episode: int
+    row: int
+
+
+OPENING = Look(0, 0, 0)
+
+
+class Opened(NamedTuple):
+    """The eye that a process has opened: the model's name, whose pictures it is shown, and what it is asked, as the
+    arguments of `Questions`."""
+
+    name: str
+    cameras: tuple[str, ...] | None
+    asked: tuple[dict[Atom, str], str, str, tuple[str, ...], tuple[str, ...]]
+
+    @property
+    def questions(self) -> Questions:
+        return Questions(*self.asked)
+
+
+class Said(NamedTuple):
+    """What came of a look: P(true) of each atom, None where unanswered, the seconds that it took, and, where nothing
+    was answered, why."""
+
+    probability: tuple[float | None, ...]
+    seconds: float
+    why: str = ""
+
+
+class Looker:
+    """Takes looks; made anew in each process, which opens an eye of its own with its first job.
+
+    Raises:
+        DomainError: the domain has a mistake.
+        InputError: the model, or how it goes with the data; from a look, the data is damaged.
+        MissingError: the machine lacks something.
+    """
+
+    def __init__(self, config: EvalConfig) -> None:
+        self._subject, self._drawing = _opened_domain(config)
+        self._seen = _Seen(config, self._subject, self._drawing)
+        self._eye: S3E = open_eye(config.eye, self._subject)
+        self._questions = self._eye.questions
+        self._seen.show(self._eye.cameras)
+
+    def __call__(self, look: Look, tell: Tell) -> Opened | Said:
+        if look == OPENING:
+            own = self._questions
+            asked = (dict(own.text), own.system, own.translator, own.answers, own.warnings)
+            return Opened(self._eye.backend.name, self._eye.cameras, asked)
+        point = self._seen.point(look)
+        self._eye.questions = self._seen.questions(point, self._questions)
+        observation = Observation(look.number, point.time, self._seen.pictures(point), point.joints)
+        atoms = self._subject.task.atoms
+        begin = time.perf_counter()
+        belief = self._eye.estimate(observation, atoms)
+        seconds = time.perf_counter() - begin
+        why = "" if belief.probability else _why(belief)
+        return Said(tuple(belief.probability.get(atom) for atom in atoms), seconds, why)
+
+
 class Evaluator:
-    """An eye, the data, and what makes looks harder, ready to `run`. A context manager that frees what it holds.
+    """What is to be measured on what, checked. `run` has the looks taken that are missing. A context manager that frees
+    what it holds.
 
     Raises:
         DomainError: the domain or the paraphrases have a mistake.
-        InputError: the model, the data, or how they go together.
+        InputError: the data, or how it goes with the domain.
         MissingError: the machine lacks something.
     """
 
     def __init__(self, config: EvalConfig, warn: Callable[[str], None] = lambda line: None) -> None:
-        self.config = config
-        disturbance = Disturbance.parse(config.disturb)
-        # What costs little and can be wrong comes first.
+        self.config, self._warn = config, warn
         self._manifest = dataset.read_manifest(config.data)
         config.eye.check_cameras(self._manifest["cameras"])
-        domain = load_domain(config.domain, config.problem) if disturbance.redraws else None
-        self.subject = subject = domain.subject if domain else load_subject(config.domain, config.problem)
+        self.subject, self._drawing = _opened_domain(config)
         self._check_atoms()
-        if domain is not None:
-            _check_scene(domain, self._manifest, warn)
-        self._paraphrases: Paraphrases | None = None
-        if config.paraphrases is not None:
-            own = Templates.read(subject.questions) if subject.questions is not None else None
-            self._paraphrases = Paraphrases.read(config.paraphrases, subject.task, own, config.rename)
-        self.published = published.read(subject.pddl.parent)
-        dataset.read(config.data)  # says what an unfinished collection lacks
-        self.eye: S3E = open_eye(config.eye, subject)
-        for line in (*self.eye.questions.warnings, *(self._paraphrases.warnings if self._paraphrases else ())):
+        if self._drawing is not None:
+            _check_scene(self._drawing, self._manifest, warn)
+        self._seen = _Seen(config, self.subject, self._drawing)
+        self.published = published.read(self.subject.pddl.parent)
+        settled(config.eye, self.subject)
+        for line in self._seen.warnings:
             warn(line)
-        self.atoms = subject.task.atoms
+        self.atoms = self.subject.task.atoms
         self.mistakes = Mistakes()
-        self._disturber = Disturber(disturbance, domain, self.eye.cameras, config.seed)
-        self._redraws = disturbance.redraws
         self._cancelled = False
 
     def __enter__(self) -> Evaluator:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._disturber.__exit__(None, None, None)
+        self._seen.close()
 
     def cancel(self) -> None:
-        """Have `run` stop after the look at hand. A flag: safe from any thread and signal handler."""
+        """Have `open` or `run` stop soon. A flag: safe from any thread and signal handler."""
         self._cancelled = True
+
+    @property
+    def looker(self) -> Callable[[], Looker]:
+        """Makes what looks, in any process."""
+        return partial(Looker, self.config)
 
     @property
     def wanted(self) -> int:
@@ -152,49 +224,109 @@ class Evaluator:
         points: int = self._manifest["points"]
         return points if self.config.looks is None else min(points, self.config.looks)
 
-    def run(self, watch: Callable[[Progress], None] = lambda progress: None) -> Evaluation | None:
-        """Take all looks; None when cancelled. `watch` is called before the first and after
-        each.
+    def open(self, crew: Crew[Look, Opened | Said]) -> Opened | None:
+        """Have an eye opened; None when cancelled.
+
+        Raises:
+            InputError: the model, or how it goes with the data.
+            MissingError: the machine lacks something.
+        """
+        waiting = iter([OPENING])
+        for ended in done_by(crew, lambda: next(waiting, None), lambda: self._cancelled):
+            for each in ended:
+                opened = each.value()
+                assert isinstance(opened, Opened)
+                for line in opened.questions.warnings:
+                    self._warn(line)
+                return opened
+        return None
+
+    def run(
+        self,
+        crew: Crew[Look, Opened | Said],
+        opened: Opened | None = None,
+        keep: Path | None = None,
+        watch: Callable[[Progress], None] = lambda progress: None,
+    ) -> Evaluation | None:
+        """Have all looks taken; None when cancelled. `watch` is called several times a second.
+
+        Args:
+            opened: what `open` gave; without it, an eye is opened first.
+            keep: a file that looks are written to as they are taken, and that those of the same evaluation that are
+                there already are read from.
 
         Raises:
             InputError: the data is damaged, or nothing is answered any more.
         """
-        began, fruitless, taken = time.monotonic(), 0, _Taken(self.atoms)
-        watch(Progress(0, self.wanted, 0, 0.0))
-        for number, point in enumerate(itertools.islice(self._points(), self.wanted), start=1):
-            belief, seconds, images = self._look(number, point)
-            taken.add(point, belief, seconds)
-            self.mistakes.add(point, belief, images, self.eye.questions.text)
-            fruitless = 0 if belief.probability else fruitless + 1
-            if fruitless == FRUITLESS:
-                raise InputError(f"there was no answer in {FRUITLESS} looks in a row: {_why(belief)}", key="eval")
-            watch(Progress(number, self.wanted, number, time.monotonic() - began))
-            if self._cancelled:
-                return None
-        return taken.evaluation(*self._described())
+        opened = opened or self.open(crew)
+        if opened is None:
+            return None
+        points = list(itertools.islice(dataset.read(self.config.data, ()), self.wanted))
+        told: dict[int, Said] = {}
+        with Kept(keep, self._same(opened)) if keep is not None else nullcontext() as kept:
+            if kept is not None:
+                asked = len(self.atoms)
+                told |= {n: s for n, s in kept.known.items() if n <= len(points) and len(s.probability) == asked}
+            there, began = len(told), time.monotonic()
+            waiting = (
+                Look(number, point.episode, point.step - 1)
+                for number, point in enumerate(points, start=1)
+                if number not in told
+            )
+            watch(Progress(there, len(points), 0, 0.0))
+            for ended in done_by(crew, lambda: next(waiting, None), lambda: self._cancelled):
+                for each in ended:
+                    said = each.value()
+                    assert isinstance(said, Said)
+                    told[each.job.number] = said
+                    if kept is not None:
+                        kept.add(each.job.number, said)
+                    _check_fruits(told, each.job.number)
+                new = len(told) - there
+                watch(Progress(len(told), len(points), new, time.monotonic() - began))
+        return None if len(told) < len(points) else self._made(points, told, opened)
 
-    def _points(self) -> Iterator[Point]:
-        """The points, with the pictures that the eye is shown unless they are drawn anew."""
-        return dataset.read(self.config.data, () if self._redraws else self.eye.cameras)
+    def _made(self, points: Sequence[Point], told: Mapping[int, Said], opened: Opened) -> Evaluation:
+        self._seen.show(opened.cameras)
+        questions = opened.questions
+        for number, point in enumerate(points, start=1):
+            probability = zip(self.atoms, told[number].probability, strict=True)
+            known = {atom: value for atom, value in probability if value is not None}
+            belief = Belief(number, known, frozenset(self.atoms) - known.keys())
+            look = Look(number, point.episode, point.step - 1)
+            text = self._seen.questions(point, questions).text
+            self.mistakes.add(point, belief, lambda look=look: self._seen.pictures(self._seen.point(look)), text)  # type: ignore[misc]
+        answers = Answers(
+            self.atoms,
+            np.array([[math.nan if p is None else p for p in told[n].probability] for n in sorted(told)]),
+            np.array([[point.facts[atom] for atom in self.atoms] for point in points]),
+        )
+        looks = tuple((point.episode, point.step) for point in points)
+        surprising = np.array([bool(point.surprises) for point in points])
+        seconds = np.array([told[number].seconds for number in sorted(told)])
+        name, about = self._described(opened)
+        return Evaluation(name, about, answers, looks, surprising, seconds)
 
-    def _look(self, number: int, point: Point) -> tuple[Belief, float, Mapping[str, Any]]:
-        if self._paraphrases is not None:
-            key = np.random.SeedSequence([self.config.seed, point.seed, point.episode, point.step], spawn_key=(2,))
-            text = self._paraphrases.drawn(np.random.default_rng(key))
-            self.eye.questions = replace(self.eye.questions, text=text)
-        images = self._disturber.pictures(point)
-        observation = Observation(number, point.time, images, point.joints)
-        begin = time.perf_counter()
-        belief = self.eye.estimate(observation, self.atoms)
-        return belief, time.perf_counter() - begin, images
+    def _same(self, opened: Opened) -> dict[str, Any]:
+        """What decides every answer, but for how many looks there are."""
+        command = replace(self.config, looks=None).command
+        asked = opened.questions
+        told = (asked.system, *asked.answers, *(f"{atom}: {text}" for atom, text in asked.text.items()))
+        return {
+            "version": version_of("executive"),
+            "command": command,
+            "data": self._manifest["collection"],
+            "model": [opened.name, _files_of(settled(self.config.eye, self.subject))],
+            "asked": dataset.digest({"told": told}),
+        }
 
-    def _described(self) -> tuple[str, dict[str, Any]]:
+    def _described(self, opened: Opened) -> tuple[str, dict[str, Any]]:
         """The evaluation's name, and everything that decided it."""
         config, collection = self.config, self._manifest["collection"]
         at_home = bool(collection.get("home_pose", True))
         told = config.eye.instructions
         instructed = told if isinstance(told, str) else told and self.subject.instructions is not None
-        model = self.eye.backend.name
+        model = opened.name
         about = {
             "domain": self.subject.name,
             "problem": self.subject.task.problem,
@@ -210,7 +342,7 @@ class Evaluator:
             "rename": config.rename,
             "disturb": list(config.disturb),
             "seed": config.seed,
-            "system_prompt": self.eye.questions.system,
+            "system_prompt": opened.questions.system,
             "command": config.command,
         }
         return row_name(model, about), about
@@ -225,30 +357,6 @@ class Evaluator:
             f"was collected in the problem {of!r}, which has other atoms than {self.subject.task.problem!r} ({odd})"
         )
         raise InputError(f"{message}; choose it with --problem", file=self.config.data)
-
-
-class _Taken:
-    """What is kept of each look: no pictures."""
-
-    def __init__(self, atoms: Sequence[Atom]) -> None:
-        self._atoms = tuple(atoms)
-        self._probability: list[list[float]] = []
-        self._truth: list[list[bool]] = []
-        self._looks: list[tuple[int, int]] = []
-        self._surprising: list[bool] = []
-        self._seconds: list[float] = []
-
-    def add(self, point: Point, belief: Belief, seconds: float) -> None:
-        self._probability.append([belief.probability.get(atom, math.nan) for atom in self._atoms])
-        self._truth.append([point.facts[atom] for atom in self._atoms])
-        self._looks.append((point.episode, point.step))
-        self._surprising.append(bool(point.surprises))
-        self._seconds.append(seconds)
-
-    def evaluation(self, name: str, about: Mapping[str, Any]) -> Evaluation:
-        answers = Answers(self._atoms, np.array(self._probability), np.array(self._truth))
-        surprising, seconds = np.array(self._surprising), np.array(self._seconds)
-        return Evaluation(name, about, answers, tuple(self._looks), surprising, seconds)
 
 
 def row_name(model: str, about: Mapping[str, Any]) -> str:
@@ -267,6 +375,129 @@ def _check_scene(domain: Domain, manifest: Mapping[str, Any], warn: Callable[[st
     """Say so if moments are drawn as they never were."""
     if domain.fingerprint() != manifest["collection"].get("files"):
         warn(f"the files of {domain.name} have changed since the data was collected; looks are drawn as it is now")
+
+
+class _Seen:
+    """What the eye is shown of a point, and asked about it."""
+
+    def __init__(self, config: EvalConfig, subject: Subject, drawing: Domain | None) -> None:
+        self._config, self._drawing = config, drawing
+        self._disturbance = Disturbance.parse(config.disturb)
+        self._disturber: Disturber | None = None
+        self._paraphrases: Paraphrases | None = None
+        if config.paraphrases is not None:
+            own = Templates.read(subject.questions) if subject.questions is not None else None
+            self._paraphrases = Paraphrases.read(config.paraphrases, subject.task, own, config.rename)
+        dataset.Reader(config.data, ())  # says what an unfinished collection lacks
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return self._paraphrases.warnings if self._paraphrases is not None else ()
+
+    def show(self, cameras: Sequence[str] | None) -> None:
+        """Whose pictures are shown from now on."""
+        # Of what is drawn anew, the collection's own pictures are not needed.
+        self._reader = dataset.Reader(self._config.data, () if self._disturbance.redraws else cameras)
+        self.close()
+        self._disturber = Disturber(self._disturbance, self._drawing, cameras, self._config.seed)
+
+    def close(self) -> None:
+        if self._disturber is not None:
+            self._disturber.__exit__(None, None, None)
+
+    def point(self, look: Look) -> Point:
+        point = self._reader.point(look.episode, look.row)
+        assert point is not None
+        return point
+
+    def pictures(self, point: Point) -> Mapping[str, Image]:
+        assert self._disturber is not None
+        return self._disturber.pictures(point)
+
+    def questions(self, point: Point, own: Questions) -> Questions:
+        if self._paraphrases is None:
+            return own
+        key = np.random.SeedSequence([self._config.seed, point.seed, point.episode, point.step], spawn_key=(2,))
+        return replace(own, text=self._paraphrases.drawn(np.random.default_rng(key)))
+
+
+class Kept:
+    """The looks of an evaluation that have been taken, by their numbers, and the file that more are written to. A
+    context manager. Looks of another evaluation are not gone on with: the file is begun anew.
+
+    Args:
+        same: what two evaluations have in common whose looks are the same.
+    """
+
+    def __init__(self, file: Path, same: Mapping[str, Any]) -> None:
+        self.known: dict[int, Said] = {}
+        there = lines(file)
+        with suppress(ValueError, LookupError, TypeError):
+            if there and parse_json(there[0]) == same:
+                for line in there[1:]:
+                    number, probability, seconds, why = parse_json(line)
+                    self.known[number] = Said(tuple(probability), float(seconds), str(why))
+        self._file, self._same = file, same
+        self._journal: Journal | None = None
+        if not self.known:
+            file.unlink(missing_ok=True)
+        elif len(self.known) < len(there) - 1:  # something in it is damaged; what is whole is written anew
+            dataset.write_atomically(file, b"".join(map(_line, [same, *([n, *s] for n, s in self.known.items())])))
+
+    def __enter__(self) -> Kept:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._journal is not None:
+            self._journal.close()
+
+    def add(self, number: int, said: Said) -> None:
+        """Write a look down."""
+        if self._journal is None:  # there is no file before there is a look
+            self._journal = Journal(self._file)
+            if not self.known:
+                self._journal.add(_line(self._same))
+        self._journal.add(_line([number, *said]))
+        self.known[number] = said
+
+
+def command_of(file: Path) -> str:
+    """The command of the evaluation whose looks are kept in a file, for all of its looks; empty where there is none."""
+    with suppress(InputError, ValueError, LookupError, TypeError):
+        return str(parse_json(lines(file)[0])["command"])
+    return ""
+
+
+def _line(value: object) -> bytes:
+    return (json.dumps(value) + "\n").encode()
+
+
+def _opened_domain(config: EvalConfig) -> tuple[Subject, Domain | None]:
+    """What is asked about, and the scene where looks are drawn anew."""
+    domain = load_domain(config.domain, config.problem) if Disturbance.parse(config.disturb).redraws else None
+    return (domain.subject if domain else load_subject(config.domain, config.problem)), domain
+
+
+def _check_fruits(told: Mapping[int, Said], last: int) -> None:
+    """Give up where a row of looks came to nothing, the last that was taken among them.
+
+    Raises:
+        InputError: they did.
+    """
+    for first in range(last - FRUITLESS + 1, last + 1):
+        row = [told.get(number) for number in range(first, first + FRUITLESS)]
+        if all(said is not None and said.why for said in row):
+            why = told[first + FRUITLESS - 1].why
+            raise InputError(f"there was no answer in {FRUITLESS} looks in a row: {why}", key="eval")
+
+
+def _files_of(eye: EyeConfig) -> list[list[Any]]:
+    """The files of a model that is in a folder here: their names, sizes, and when they were written."""
+    folder = home(eye.vlm) if eye.vlm is not None and eye.server is None else None
+    if folder is None or not folder.is_dir():
+        return []
+    found = ((each.name, each.stat()) for each in sorted(folder.iterdir()) if each.is_file())
+    return [[name, status.st_size, status.st_mtime_ns] for name, status in found]
 
 
 def _why(belief: Belief) -> str:

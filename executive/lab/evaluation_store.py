@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import glob
 import io
 import json
 import os
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +20,12 @@ import numpy.typing as npt
 from executive.errors import InputError
 from executive.files import check_writable, parse_arrays, read_bytes, read_json
 from executive.lab.dataset import write_atomically
-from executive.lab.evaluate import EvalConfig, Evaluation
+from executive.lab.evaluate import EvalConfig, Evaluation, command_of
+from executive.lab.folders import LOCK, lock, sweep
 from executive.lab.metrics import Answers, never_true, scores
 from executive.types import Atom
 
-RESULTS, ANSWERS = "evaluation.json", "answers.npz"
+RESULTS, ANSWERS, KEPT = "evaluation.json", "answers.npz", ".looks.jsonl"
 _LARGEST = 1_000_000_000
 
 
@@ -93,29 +97,37 @@ def _array(kept: Mapping[str, npt.NDArray[Any]], name: str, kind: str, dimension
 
 
 def default_folder(config: EvalConfig) -> Path:
-    """Where an evaluation goes that is not told where."""
+    """Where an evaluation goes that is not told where: where the same was left unfinished, or a new folder."""
+    wanted = replace(config, looks=None).command
+    names = f"*-{glob.escape(Path(config.domain).name)}-{glob.escape(config.data.resolve().name)}"
+    for folder in sorted(Path("evaluations").glob(names), reverse=True):
+        if not (folder / RESULTS).exists() and command_of(folder / KEPT) == wanted:
+            return folder
     parts = (time.strftime("%Y%m%d-%H%M%S"), Path(config.domain).name, config.data.resolve().name)
     return Path("evaluations") / "-".join(parts)
 
 
 @contextmanager
-def claimed(folder: Path) -> Iterator[Path]:
-    """Make the folder that an evaluation is to be written to, and take it away again if nothing comes to be in it. A
-    former evaluation in it will be written over.
+def claimed(folder: Path, command: str) -> Iterator[Path]:
+    """Make the folder that an evaluation is to be written to, hold it, and take it away again if nothing comes to be in
+    it. A former evaluation in it will be written over.
 
     Raises:
-        InputError: it holds something else, or cannot be made.
+        InputError: it holds something else, another process works in it, or it cannot be made.
     """
     new = not os.path.exists(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if not (folder / RESULTS).is_file() and any(folder.iterdir()):
+        if not (folder / RESULTS).is_file() and any(not each.name.startswith(".") for each in folder.iterdir()):
             raise InputError("holds something else than an evaluation; choose another folder", file=folder, key="--out")
     except OSError as error:
         raise InputError(f"cannot be made ({error.strerror})", file=folder, key="--out") from None
     check_writable(folder, "--out")
+    held = lock(folder, "evaluating", command)
     try:
+        sweep(folder)
         yield folder
     finally:
-        if new and not any(folder.iterdir()):
-            folder.rmdir()
+        if new and all(each.name == LOCK for each in folder.iterdir()):
+            shutil.rmtree(folder, ignore_errors=True)
+        held.release()

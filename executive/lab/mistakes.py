@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -65,14 +65,20 @@ class Mistakes:
     most: int = SHOWN
     _worst: dict[tuple[int, Atom], Mistake] = field(default_factory=dict)
 
-    def add(self, point: Point, belief: Belief, images: Mapping[str, Image], questions: Mapping[Atom, str]) -> None:
-        """One look, and what was said of it."""
+    def add(
+        self,
+        point: Point,
+        belief: Belief,
+        pictures: Callable[[], Mapping[str, Image]],
+        questions: Mapping[Atom, str],
+    ) -> None:
+        """One look, and what was said of it. `pictures` is asked for what was shown if the look is kept."""
         each = [
             Answered(atom, truth, belief.probability.get(atom), questions.get(atom, ""))
             for atom, truth in point.facts.items()
             if atom in belief.probability or atom in belief.unanswered
         ]
-        if not each or not images:
+        if not each:
             return
         each.sort(key=lambda answer: (-answer.error, answer.atom))
         key = (point.episode, each[0].atom)
@@ -84,6 +90,9 @@ class Mistakes:
             if self._worst[least].error >= each[0].error:
                 return
             del self._worst[least]
+        images = pictures()
+        if not images:
+            return
         wrong = tuple(answer for answer in each if answer.wrong) or (each[0],)
         picture = side_by_side(images)
         self._worst[key] = Mistake(point.episode, point.step, point.action, tuple(images), picture, wrong)

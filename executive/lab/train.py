@@ -8,26 +8,25 @@ alone.
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 import shlex
-import signal
 import time
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.assemble import checked_stage
 from executive.domain import Domain, load_domain
-from executive.errors import InputError
+from executive.errors import ExecutiveError, InputError
 from executive.files import read_json
 from executive.lab import dataset
+from executive.lab.crew import LostError, Processes, done_by
 from executive.lab.eye.sizes import RECIPES, Recipe
-from executive.lab.progress import Stage
+from executive.lab.folders import lock, sweep
+from executive.lab.progress import Outlook, Stage
 from executive.sim.spec import read_scene
-from executive.threads import cores, shared_by
 
 if TYPE_CHECKING:
     from executive.lab.eye.descent import Report
@@ -80,6 +79,8 @@ class Training:
         self.recipe: Recipe = RECIPES[config.recipe]
         self.domain: Domain = load_domain(config.domain, config.problem)
         checked_stage(self.domain)
+        self.cameras = len(read_scene(self.domain.scene).cameras)
+        self._outlook = Outlook(self.recipe.efforts(self.cameras))
         self._cancelled = False
         self._check_folder()
 
@@ -88,14 +89,22 @@ class Training:
         self._cancelled = True
 
     def run(self, watch: Watch = lambda stage: None) -> Path | None:
-        """Train to the end, and return the model's folder; None when cancelled."""
+        """Train to the end, and return the model's folder; None when cancelled.
+
+        Raises:
+            InputError: another process trains in the folder, or it cannot be written to.
+        """
         from executive.lab.eye.descent import CancelledError
 
+        held = lock(self.config.out, "training", self.config.command)
         try:
+            sweep(self.config.out, self.config.out / PICTURES)
             self._draw(watch)
             return self._grow(watch)
         except CancelledError:
             return None
+        finally:
+            held.release()
 
     # Pictures.
 
@@ -105,37 +114,31 @@ class Training:
 
         folder, wanted = self.config.out / PICTURES, self.recipe.shards
         folder.mkdir(exist_ok=True)
-        pictures.sweep(folder)
         missing = sorted(set(range(wanted)) - set(pictures.shards(folder)))
         done, began = wanted - len(missing), time.monotonic()
-        watch(Stage("pictures", done, wanted, 0, 0.0))
+        watch(self._stage("pictures", done, wanted, 0, 0.0))
         if not missing:
             return
-        arguments = (
-            self.config.domain,
-            self.config.problem,
-            self.config.seed,
-            self.recipe.size.side,
-            self.recipe.moments,
-            folder,
-        )
-        context = multiprocessing.get_context("spawn")
-        jobs = self.config.jobs or cores()
-        with (
-            shared_by(jobs),
-            ProcessPoolExecutor(jobs, mp_context=context, initializer=_ignore_ctrl_c) as pool,
-        ):
-            waiting = {pool.submit(pictures.draw_shard, *arguments, number) for number in missing}
-            while waiting:
-                finished, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    future.result()
-                    done += 1
-                    watch(Stage("pictures", done, wanted, done - wanted + len(missing), time.monotonic() - began))
-                if self._cancelled:
-                    for future in waiting:
-                        future.cancel()
-                    raise CancelledError("pictures")
+        config, recipe = self.config, self.recipe
+        draw = (config.domain, config.problem, config.seed, recipe.size.side, recipe.moments, folder)
+        crew: Processes[int, None] = Processes(partial(pictures.Drawing, *draw), config.jobs)
+        waiting, drawn = iter(missing), 0
+        with crew:
+            for ended in done_by(crew, lambda: next(waiting, None), lambda: self._cancelled):
+                for each in ended:
+                    try:
+                        each.value()
+                    except LostError as error:
+                        raise ExecutiveError(f"pictures {each.job}: {error}; go on with: {config.command}") from None
+                drawn += len(ended)
+                new = drawn + crew.under_way
+                watch(self._stage("pictures", done + new, wanted, new, time.monotonic() - began))
+        if self._cancelled:
+            raise CancelledError("pictures")
+
+    def _stage(self, stage: str, done: float, wanted: int, new: float, seconds: float, told: str = "") -> Stage:
+        number, stages = self._outlook.place(stage)
+        return Stage(stage, number, stages, done, wanted, self._outlook.left(stage, done, wanted, new, seconds), told)
 
     # The rest.
 
@@ -152,7 +155,7 @@ class Training:
 
         def tell(report: Report) -> None:
             good = ", ".join(f"{name} {value:.3f}" for name, value in report.told.items())
-            watch(Stage(report.stage, report.step, report.steps, report.new, report.new * report.seconds, good))
+            watch(self._stage(report.stage, report.step, report.steps, report.new, report.new * report.seconds, good))
 
         def stopped() -> bool:
             return self._cancelled
@@ -166,8 +169,7 @@ class Training:
         model = out / MODEL
         network.save(eye.model, eye.tokenizer, recipe.size, model)
         parameters = sum(part.numel() for part in eye.model.parameters())
-        cameras = len(read_scene(self.domain.scene).cameras)
-        text = card.render(self.domain, recipe, cameras, parameters, self.config.seed, self.config.command)
+        text = card.render(self.domain, recipe, self.cameras, parameters, self.config.seed, self.config.command)
         dataset.write_atomically(model / "README.md", text.encode())
         return model
 
@@ -204,7 +206,3 @@ class Training:
             )
         )
         return described
-
-
-def _ignore_ctrl_c() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # heard by the first process, which says when to stop

@@ -6,7 +6,6 @@ import logging
 import multiprocessing
 import secrets
 import shutil
-import signal
 import socket
 import tempfile
 from collections.abc import Callable
@@ -23,7 +22,7 @@ from executive.errors import ExecutiveError
 from executive.s3e.backend import Backend, Look
 from executive.s3e.shared import Address, Ask, Count, Free, Open, Take
 from executive.s3e.vlm import TransformersBackend
-from executive.spawned import deaf, leave_with_parent
+from executive.spawned import deaf, settle
 from executive.threads import shared_by
 
 _LONGEST = 60
@@ -172,9 +171,7 @@ class _Holder:
 
 def _hold(address: Address, load: Callable[[str], Backend], ready: Connection) -> None:
     """What the process does."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is heard by the first process, which ends this one
-    folder = Path(address.path).parent
-    Thread(target=leave_with_parent, args=(partial(shutil.rmtree, folder, ignore_errors=True),), daemon=True).start()
+    settle(partial(shutil.rmtree, Path(address.path).parent, ignore_errors=True))
     holder = _Holder(load)
     with Listener(address.path, "AF_UNIX", backlog=64, authkey=address.key) as listener:
         with ready:

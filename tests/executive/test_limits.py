@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -381,9 +382,10 @@ def handlers() -> Iterator[None]:
 def test_asked_to_end_the_run_is_cancelled_and_then_left(order: signal.Signals, handlers: None) -> None:
     cancelled: list[int] = []
     before = signal.getsignal(order)
-    with ctrl_c(lambda: cancelled.append(1)):
+    with ctrl_c(lambda: cancelled.append(1)) as interrupted:
         os.kill(os.getpid(), order)
         assert cancelled == [1]
+        assert interrupted.code == 128 + order
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
     assert signal.getsignal(order) is before
@@ -395,3 +397,51 @@ def test_nohup_is_nohup(handlers: None) -> None:
     with ctrl_c(lambda: cancelled.append(1)):
         os.kill(os.getpid(), signal.SIGHUP)
     assert cancelled == []
+
+
+BUSY = """
+import hashlib, sys, time
+from executive.cli.frame import ctrl_c
+def cancel(): print("cancelled", flush=True)
+with ctrl_c(cancel, float(sys.argv[1])) as interrupted:
+    print("busy", flush=True)
+    if sys.argv[2] == "stuck":  # in C, where no handler of Python's is called
+        hashlib.pbkdf2_hmac("sha256", b"", b"", 2_000_000_000)
+    time.sleep(600) if sys.argv[2] == "deaf" else time.sleep(0.2)
+sys.exit(interrupted.code)
+"""
+
+
+@pytest.mark.parametrize("order", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("way", ["stuck", "deaf"])
+def test_long_work_that_is_told_to_end_says_so_and_is_left_wherever_it_is(way: str, order: signal.Signals) -> None:
+    command = [sys.executable, "-c", BUSY, "0.5", way]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "busy\n"
+        process.send_signal(order)
+        assert process.stderr.readline().startswith("stopping; what is finished is kept")
+        assert process.stderr.readline().startswith("left in the middle of something")
+        assert process.wait(60) == 128 + order
+
+
+def test_long_work_that_comes_to_rest_is_not_left_in_the_middle() -> None:
+    command = [sys.executable, "-c", BUSY, "600", "polite"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "busy\n"
+        process.send_signal(signal.SIGTERM)
+        printed, told = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert printed == "cancelled\n"
+    assert told == "stopping; what is finished is kept (once more to leave at once)\n"
+
+
+def test_other_signals_are_no_orders(handlers: None) -> None:
+    before = signal.signal(signal.SIGUSR1, lambda number, frame: None)
+    try:
+        with ctrl_c(lambda: pytest.fail("nobody asked for that"), 0.0):
+            os.kill(os.getpid(), signal.SIGUSR1)
+    finally:
+        signal.signal(signal.SIGUSR1, before)

@@ -12,7 +12,6 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
@@ -21,13 +20,13 @@ from pydantic import BaseModel, ValidationError
 
 from executive.errors import InputError, nearest
 from executive.files import read_json
-from executive.lab.campaign.crew import Crew
 from executive.lab.campaign.design import Campaign, Episode
-from executive.lab.campaign.episode import FAILED, Row
+from executive.lab.campaign.episode import FAILED, Row, row_of
 from executive.lab.campaign.rows import Rows, read_rows
 from executive.lab.collect import DECIDING, version_of
+from executive.lab.crew import Crew, done_by
 from executive.lab.dataset import write_atomically
-from executive.lab.folders import lock
+from executive.lab.folders import lock, sweep
 from executive.lab.progress import Progress
 
 MANIFEST, WORK = "campaign.json", ".work"
@@ -54,8 +53,9 @@ class Bench:
         self._cancelled = False
         what = _what(campaign)
         _check_folder(out, what)
-        self._lock = lock(out, "playing a campaign")
+        self._lock = lock(out, "playing a campaign", command)
         try:
+            sweep(out)
             self._rows = Rows(out, warn)
             document = {
                 "format": FORMAT,
@@ -87,7 +87,7 @@ class Bench:
 
     def close(self) -> None:
         """Let another process play in this folder."""
-        os.close(self._lock)
+        self._lock.release()
 
     def cancel(self) -> None:
         """Have `play` stop soon. A flag: safe from any thread and signal handler."""
@@ -128,7 +128,10 @@ class Bench:
                 del self._rows.known[key]
 
     def play(
-        self, wanted: Sequence[Episode], crew: Crew, watch: Callable[[Progress], None] = lambda progress: None
+        self,
+        wanted: Sequence[Episode],
+        crew: Crew[Episode, Row],
+        watch: Callable[[Progress], None] = lambda progress: None,
     ) -> bool:
         """Have what is missing of the episodes played; whether that came to its end. `watch` is called a few times a
         second.
@@ -139,13 +142,10 @@ class Bench:
         left, began = self.missing(wanted), time.monotonic()
         waiting, new, there = iter(left), 0, len(wanted) - len(left)
         watch(Progress(there, len(wanted), 0, 0.0))
-        while new < len(left) and not self._cancelled:
-            for episode in islice(waiting, crew.free):
-                crew.hand(episode)
-            rows = crew.gather(0.2)
-            for row in rows:
-                self._rows.add(row)
-            new += len(rows)
+        for ended in done_by(crew, lambda: next(waiting, None), lambda: self._cancelled, tries=1):
+            for each in ended:
+                self._rows.add(row_of(each))
+            new += len(ended)
             watch(Progress(there + new, len(wanted), new, time.monotonic() - began))
         return new == len(left)
 

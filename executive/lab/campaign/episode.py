@@ -17,6 +17,7 @@ from executive.errors import ExecutiveError
 from executive.faults import parse_fault
 from executive.lab.campaign.design import KEYS, Episode
 from executive.lab.campaign.scoring import Scorer, Strike, Tally
+from executive.lab.crew import Ended, Tell
 from executive.trace.report import Summary
 from executive.types import Facts
 
@@ -70,7 +71,7 @@ class Row:
         return tuple(str(getattr(self, name)) for name in KEYS)
 
 
-Player = Callable[[Episode], Row]
+Player = Callable[[Episode, Tell], Row]
 """Plays an episode. It may raise anything; whoever has it play makes a row of that, too."""
 
 
@@ -90,7 +91,7 @@ class Simulated:
         self._work, self._models = work, models
         self._eyes: dict[tuple[str, str, EyeConfig], S3E] = {}
 
-    def __call__(self, episode: Episode) -> Row:
+    def __call__(self, episode: Episode, tell: Tell = lambda done: None) -> Row:
         with tempfile.TemporaryDirectory(dir=self._work, prefix="episode-") as runs:
             config = replace(episode.config, runs=Path(runs))
             own = [str(parse_fault(spec)) for spec in episode.contender.faults]
@@ -165,11 +166,13 @@ def row(episode: Episode, summary: Summary, tally: Tally, lost: Sequence[str]) -
     )
 
 
-def failure(episode: Episode, why: Exception | str, seconds: float = 0.0) -> Row:
-    """The row of an episode that could not be played to an end."""
-    known = isinstance(why, str | ExecutiveError)
-    told = " ".join((str(why) if known else f"{type(why).__name__}: {why}").split())
-    return Row(**_which(episode), outcome=FAILED, error=told, wall_seconds=round(seconds, 3))
+def row_of(ended: Ended[Episode, Row]) -> Row:
+    """The row of an episode, whether or not it could be played to an end."""
+    why = ended.outcome
+    if isinstance(why, Row):
+        return why
+    told = " ".join((str(why) if isinstance(why, ExecutiveError) else f"{type(why).__name__}: {why}").split())
+    return Row(**_which(ended.job), outcome=FAILED, error=told, wall_seconds=round(ended.seconds, 3))
 
 
 def out_of_reach(truth: Facts, items: Sequence[str]) -> tuple[str, ...]:

@@ -16,6 +16,9 @@ from torch import nn
 
 from executive.lab.eye.sizes import Pace
 
+_SAVED, _TOLD = 30.0, 1.0
+"""Seconds between two saves, which is all that a kill costs, and between two reports."""
+
 Told = Mapping[str, float]
 
 
@@ -25,8 +28,8 @@ class CancelledError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """How far a stage is, for those who watch: how many steps it has done in this process, how long each of the
-    last ones took, and what these came to on average."""
+    """How far a stage is, for those who watch: how many steps it has done in this process, how many seconds each of
+    these took, and what the last ones came to on average."""
 
     stage: str
     step: int
@@ -46,14 +49,12 @@ def descend(
     watch: Callable[[Report], None] = lambda report: None,
     stopped: Callable[[], bool] = lambda: False,
     rates: Mapping[str, float] | None = None,
-    every: int = 100,
 ) -> None:
     """Run a stage to its end, going on from `file` where that exists; the parts then are what the stage made of them.
 
     Args:
         one: makes the loss of a step, given its number and the chance that belongs to it, and tells how good it was.
         rates: part -> share of the pace's rate, where it is not 1.
-        every: steps between two saves and two reports.
 
     Raises:
         CancelledError: `stopped` said so; the state is saved.
@@ -65,7 +66,7 @@ def descend(
     optimizer = torch.optim.AdamW(groups, lr=pace.rate, weight_decay=pace.decay, betas=(0.9, 0.98))
     begin = _restored(file, parts, optimizer)
     told: list[Told] = []
-    since = time.monotonic()
+    began = since = saved = time.monotonic()
     for step in range(begin, pace.steps):
         for group in optimizer.param_groups:
             group["lr"] = pace.at(step) * group["share"]
@@ -80,10 +81,12 @@ def descend(
             nn.utils.clip_grad_norm_(group["params"], pace.clip)
         optimizer.step()
         told.append(news)
-        done, stop = step + 1, stopped()
-        if stop or done % every == 0 or done == pace.steps:
+        done, stop, now = step + 1, stopped(), time.monotonic()
+        if stop or done == pace.steps or now - saved > _SAVED:
             _save(file, parts, optimizer, done)
-            watch(Report(stage, done, pace.steps, done - begin, (time.monotonic() - since) / len(told), _mean(told)))
+            saved = time.monotonic()
+        if stop or done == pace.steps or now - since > _TOLD:
+            watch(Report(stage, done, pace.steps, done - begin, (now - began) / (done - begin), _mean(told)))
             told, since = [], time.monotonic()
         if stop:
             raise CancelledError(stage)

@@ -7,10 +7,12 @@ that training reads from disk without decoding anything and holds no picture in 
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +20,8 @@ import mujoco
 import numpy as np
 
 from executive.domain import Domain, load_domain
+from executive.errors import InputError
+from executive.lab.crew import Tell
 from executive.lab.eye.scenes import Moment, Sampler
 from executive.sim import scene
 from executive.sim.drawing import make_renderer
@@ -57,13 +61,16 @@ class Photographer:
         self._owner = np.array([*owner, 0], dtype=np.uint8)  # the last one is for what is no geom
         self._atoms = domain.task.atoms
 
-    def shard(self, count: int) -> dict[str, np.ndarray[Any, Any]]:
-        """The next `count` moments."""
+    def shard(self, count: int, tell: Tell = lambda done: None) -> dict[str, np.ndarray[Any, Any]]:
+        """The next `count` moments. `tell` is told which share of them there is, at each."""
         moments: list[Moment] = []
         while len(moments) < count:
             moments += self._sampler.draw()
         moments = moments[:count]
-        drawn = [self._draw(moment.qpos) for moment in moments]
+        drawn = []
+        for number, moment in enumerate(moments, start=1):
+            drawn.append(self._draw(moment.qpos))
+            tell(number / count)
         return {
             "pictures": np.stack([pictures for pictures, _ in drawn]),
             "items": np.stack([items for _, items in drawn]),
@@ -100,24 +107,41 @@ def write_shard(folder: Path, number: int, arrays: Mapping[str, np.ndarray[Any, 
     """Write a shard, whole or not at all."""
     passing, final = folder / f".shard-{number:04d}.{os.getpid()}", shard_folder(folder, number)
     passing.mkdir(parents=True)
-    for name, array in arrays.items():
-        np.save(passing / f"{name}.npy", array)
-    passing.rename(final)
-
-
-def draw_shard(domain: str, problem: str | None, seed: int, side: int, count: int, folder: Path, number: int) -> None:
-    """Draw one shard and write it: a process's whole task."""
-    photographer = Photographer(load_domain(domain, problem), [seed, number], side)
     try:
-        write_shard(folder, number, photographer.shard(count))
+        for name, array in arrays.items():
+            np.save(passing / f"{name}.npy", array)
+        try:
+            passing.rename(final)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):  # someone else has drawn the very same meanwhile
+                raise
     finally:
-        photographer.close()
+        shutil.rmtree(passing, ignore_errors=True)
 
 
-def sweep(folder: Path) -> None:
-    """Take away what was left half written."""
-    for leftover in folder.glob(".shard-*"):
-        shutil.rmtree(leftover)
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """Draws shards by their numbers and writes them into `folder`: what a process that draws is given.
+
+    Raises:
+        InputError: the folder cannot be written to.
+    """
+
+    domain: str
+    problem: str | None
+    seed: int
+    side: int
+    count: int
+    folder: Path
+
+    def __call__(self, number: int, tell: Tell) -> None:
+        photographer = Photographer(load_domain(self.domain, self.problem), [self.seed, number], self.side)
+        try:
+            write_shard(self.folder, number, photographer.shard(self.count, tell))
+        except OSError as error:
+            raise InputError(f"cannot be written to ({error.strerror})", file=self.folder) from None
+        finally:
+            photographer.close()
 
 
 def read_shard(folder: Path, number: int) -> Shard:

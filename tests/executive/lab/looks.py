@@ -70,7 +70,9 @@ def write(folder: Path, finished: bool = True, **collection: Any) -> Path:
     for episode in range(EPISODES):
         those = [point for point in points() if point.episode == episode]
         log = Log(episode, len(those), (Attempt("lift(red-cube,bench)", "done", ""),) * len(those), Ending.FULL)
-        dataset.write_shard(folder, "tray", log, those, TASK.atoms, CAMERAS)
+        dataset.write_atomically(
+            dataset.shard(folder, log.episode), dataset.shard_bytes("tray", log, those, TASK.atoms, CAMERAS)
+        )
     manifest = {
         "format": dataset.FORMAT,
         "command": "executive collect tray --out data",

@@ -54,7 +54,9 @@ def write(folder: Path, logs: Sequence[Log] = LOGS, finished: bool = True) -> Pa
     """A folder as a collection leaves it, but for its card."""
     (folder / dataset.SHARDS).mkdir(parents=True)
     for each in logs:
-        dataset.write_shard(folder, COLLECTION, each, points_of(each), ATOMS, CAMERAS)
+        dataset.write_atomically(
+            dataset.shard(folder, each.episode), dataset.shard_bytes(COLLECTION, each, points_of(each), ATOMS, CAMERAS)
+        )
     manifest = {
         "format": dataset.FORMAT,
         "command": "executive collect x",

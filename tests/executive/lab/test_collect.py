@@ -144,7 +144,7 @@ def test_a_process_that_dies_is_one_line_and_costs_nothing_finished(tmp_path: Pa
 
     with (
         Collection(config(tmp_path / "data", jobs=1)) as collection,
-        pytest.raises(ExecutiveError, match=r"a process that collected died .*; go on with: executive collect "),
+        pytest.raises(ExecutiveError, match=r"^episode 0: its process died .*; go on with: executive collect "),
     ):
         collection.run(kill)
     Collection(config(tmp_path / "data")).close()
@@ -185,7 +185,8 @@ def test_folders_of_others_are_left_alone(tmp_path: Path, copy: Path) -> None:
 
 
 def test_one_process_at_a_time_holds_a_folder(copy: Path) -> None:
-    with Collection(config(copy)), pytest.raises(InputError, match="another process is collecting in this folder"):
+    told = rf"another process is working in this folder, collecting since .*: process {os.getpid()} on .*, executive"
+    with Collection(config(copy)), pytest.raises(InputError, match=told):
         Collection(config(copy))
     Collection(config(copy)).close()
 
@@ -263,6 +264,7 @@ def test_ctrl_c_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Path) -> 
     said = process.communicate(timeout=120)
     assert process.returncode == cli.INTERRUPTED
     assert said[0] == ""
-    assert said[1].count("\n") == 1
-    assert said[1].startswith("interrupted; finished episodes are kept, go on with: executive collect ")
+    first, *_, last = said[1].splitlines()
+    assert first.startswith("stopping; ")
+    assert last.startswith("interrupted; finished episodes are kept, go on with: executive collect ")
     assert not dataset.read_manifest(out)["finished"]

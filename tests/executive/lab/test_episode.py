@@ -11,6 +11,7 @@ import pytest
 from executive.domain import load_domain
 from executive.errors import InputError
 from executive.lab import episode
+from executive.lab.crew import Tell
 from executive.lab.dataset import Ending
 from executive.lab.episode import MOST_FAILURES, MOST_POINTS, Collector, Episode, instances
 from executive.protocols import SkillContext
@@ -21,12 +22,12 @@ Act = Callable[[Step, SkillContext, int], SkillStatus]
 
 
 @pytest.fixture
-def play(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Episode | None]:
+def play(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Episode]:
     """Play an episode whose every action is `act`, which is told how many there were before it."""
 
     def play(
-        act: Act, *, seed: int = 0, number: int = 0, most: int = MOST_POINTS, stopped: Callable[[], bool] | None = None
-    ) -> Episode | None:
+        act: Act, *, seed: int = 0, number: int = 0, most: int = MOST_POINTS, tell: Tell = lambda done: None
+    ) -> Episode:
         begun: list[Step] = []
 
         def skill(step: Step, context: SkillContext) -> SkillResult:
@@ -35,7 +36,7 @@ def play(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Episode | None]:
 
         monkeypatch.setattr(episode, "load_skills", lambda domain: dict.fromkeys(domain.skills, skill))
         collector = Collector(TRAY, seed, home_pose=True, grasp_noise=0.0, slips=0.0)
-        return collector.play(number, most, stopped or (lambda: False), lambda: None)
+        return collector.play(number, most, tell)
 
     return play
 
@@ -126,8 +127,10 @@ def test_an_episode_is_cut_where_it_is_told(play: Callable[..., Episode]) -> Non
     assert cut.log.attempts == whole.log.attempts[:6]
 
 
-def test_an_episode_that_is_stopped_is_no_episode(play: Callable[..., Episode | None]) -> None:
-    assert play(every(DONE), stopped=lambda: True) is None
+def test_each_point_is_told_of(play: Callable[..., Episode]) -> None:
+    told: list[float] = []
+    play(every(MISSED, DONE), most=3, tell=told.append)
+    assert told == [1, 2, 3]
 
 
 def test_seed_and_number_decide_where_things_stand(play: Callable[..., Episode]) -> None:

@@ -23,14 +23,16 @@ from executive.errors import InputError
 from executive.eye import EyeConfig
 from executive.lab import evaluation_report as reporting
 from executive.lab import evaluation_store as store
-from executive.lab.evaluate import FRUITLESS, EvalConfig, Evaluation, Evaluator, row_name
+from executive.lab.evaluate import FRUITLESS, EvalConfig, Evaluation, Evaluator, Look, Opened, Said, row_name
 from executive.lab.metrics import Answers
 from executive.lab.mistakes import Mistakes
+from executive.lab.progress import Progress
 from executive.lab.published import Published
 from executive.s3e import Templates
 from executive.s3e.prompts import GROCERY_INSTRUCTIONS
 from executive.types import Atom, Belief
 from tests.executive.lab import looks
+from tests.executive.lab.inline import Inline
 from tests.executive.s3e.chat_server import ChatServerUnderTest, serving
 from tests.executive.test_cli import one_error_line
 
@@ -76,9 +78,14 @@ def config(server: ChatServerUnderTest, data: Path, **options: Any) -> EvalConfi
     return EvalConfig(str(looks.TRAY), data, EyeConfig(server=server.url), **options)
 
 
+def here(evaluator: Evaluator) -> Inline[Look, Opened | Said]:
+    """Looks are taken in this process, one after the other."""
+    return Inline(evaluator.looker, 1)
+
+
 def evaluated(config: EvalConfig) -> tuple[Evaluation, Evaluator]:
     with Evaluator(config) as evaluator:
-        made = evaluator.run()
+        made = evaluator.run(here(evaluator))
     assert made is not None
     return made, evaluator
 
@@ -182,13 +189,18 @@ def test_a_model_that_says_nothing_any_more_is_given_up(data: Path, model: Any, 
     assert FRUITLESS > 3
     silent = config(model(lambda number, atom, truth: 2.0 if number >= 2 else None), data)
     with Evaluator(silent) as evaluator, pytest.raises(InputError, match="no answer in 3 looks in a row: too little"):
-        evaluator.run()
+        evaluator.run(here(evaluator))
 
 
 def test_cancelled_after_the_look_at_hand(data: Path, model: Any) -> None:
     server = model()
     with Evaluator(config(server, data)) as evaluator:
-        assert evaluator.run(lambda progress: evaluator.cancel() if progress.points == 2 else None) is None
+
+        def watch(progress: Progress) -> None:
+            if progress.points == 2:
+                evaluator.cancel()
+
+        assert evaluator.run(here(evaluator), watch=watch) is None
     assert {looks.number_of(request.images[0]) for request in server.requests if request.images} == {0, 1}
 
 
@@ -260,10 +272,10 @@ def test_what_is_saved_is_read_back(data: Path, model: Any, tmp_path: Path) -> N
 
 def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("all of it")
-    with pytest.raises(InputError, match="holds something else"), store.claimed(tmp_path):
+    with pytest.raises(InputError, match="holds something else"), store.claimed(tmp_path, "eval"):
         pytest.fail("never gets here")
     fresh = tmp_path / "a" / "b"
-    with store.claimed(fresh):
+    with store.claimed(fresh, "eval"):
         assert fresh.is_dir()
     assert not fresh.exists()
 
@@ -335,7 +347,7 @@ def test_the_sheet_has_the_worst_of_each_episode_and_atom() -> None:
     for number in range(40):
         probability = {atom: float(chance.uniform()) for atom in point.facts}
         now = replace(point, episode=number % 5, step=number)
-        sheet.add(now, Belief(number, probability), point.images, {})
+        sheet.add(now, Belief(number, probability), lambda now=now: now.images, {})  # type: ignore[misc]
         error, atom = max((abs(value - point.facts[atom]), atom) for atom, value in probability.items())
         errors[now.episode, atom] = max(error, errors.get((now.episode, atom), 0.0))
     kept = [mistake.error for mistake in sheet.sheet()]
@@ -376,18 +388,83 @@ def test_without_a_folder_it_chooses_one(data: Path, model: Any, tmp_path: Path,
     assert made.name.endswith("-tray-data")
 
 
-def test_ctrl_c_says_so_in_a_line_and_leaves_nothing(data: Path, model: Any, tmp_path: Path, capsys: Any) -> None:
-    def interrupt(number: int, atom: Atom, truth: bool) -> float | None:
-        if number == 1 and atom == RED_IN_TRAY:
-            os.kill(os.getpid(), signal.SIGINT)
-        return None
+def test_ctrl_c_says_so_and_keeps_the_looks_that_were_taken(
+    data: Path, model: Any, tmp_path: Path, capsys: Any
+) -> None:
+    orders = [signal.SIGINT]
 
-    assert run(data, model(interrupt), "--out", tmp_path / "made") == cli.INTERRUPTED
+    def interrupt(number: int, atom: Atom, truth: bool) -> float | None:
+        if not orders:
+            return None
+        if number == 3:
+            os.kill(os.getpid(), orders.pop())
+        return 0.9 if truth else 0.1
+
+    server, out = model(interrupt), tmp_path / "made"
+    assert run(data, server, "--out", out) == cli.INTERRUPTED
     printed, told = capsys.readouterr()
     assert printed == ""
-    assert told.splitlines()[-1] == "interrupted; nothing was written"
     assert "Traceback" not in told
+    last = told.splitlines()[-1]
+    assert last.startswith("interrupted; the looks that were taken are kept, go on with: executive eval ")
+    assert not (out / store.RESULTS).exists()
+    before = len(server.requests)
+    assert orders == []
+    assert cli.exit_code(shlex.split(last.partition("executive ")[2])) == cli.REACHED
+    again = [looks.number_of(request.images[0]) for request in server.requests[before:] if request.images]
+    assert set(again) <= {3, 4, 5}
+    probability = store.load(out).answers.probability
+    assert set(np.unique(probability[:3].round(6))) == {0.1, 0.9}
+    assert set(np.unique(probability[4:].round(6))) == {0.02, 0.98}
+    assert not (out / store.KEPT).exists()
+
+
+def test_an_interruption_before_the_first_look_leaves_nothing(
+    data: Path, model: Any, tmp_path: Path, capsys: Any
+) -> None:
+    def interrupt(number: int, atom: Atom, truth: bool) -> float | None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        return None
+
+    assert run(data, model(interrupt), "--out", tmp_path / "made") == 128 + signal.SIGTERM
     assert not (tmp_path / "made").exists()
+
+
+def test_the_same_command_finds_what_it_left_and_another_does_not(
+    data: Path, model: Any, tmp_path: Path, monkeypatch: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    server = model()
+    one = config(server, data)
+    folder = store.default_folder(one)
+    folder.mkdir(parents=True)
+    with Evaluator(one) as evaluator:
+
+        def watch(progress: Progress) -> None:
+            if progress.points == 2:
+                evaluator.cancel()
+
+        assert evaluator.run(here(evaluator), keep=folder / store.KEPT, watch=watch) is None
+    later = folder.with_name("2999" + folder.name[4:])
+    folder.rename(later)
+    assert store.default_folder(config(server, data, looks=3)) == later
+    assert store.default_folder(config(server, data, seed=1)) != later
+    kept = later / store.KEPT
+    whole = kept.read_bytes()
+    kept.write_bytes(whole[:-20])  # cut off by a kill
+    server.requests.clear()
+    with Evaluator(one) as evaluator:
+        made = evaluator.run(here(evaluator), keep=kept)
+    assert made is not None
+    taken = {looks.number_of(request.images[0]) for request in server.requests if request.images}
+    assert taken == {1, 2, 3, 4, 5}
+    other, _ = evaluated(one)
+    assert np.array_equal(made.answers.probability, other.answers.probability)
+    # What is asked is another thing now: nothing is taken over.
+    server.requests.clear()
+    with Evaluator(config(server, data, paraphrases=None, looks=2, seed=2)) as evaluator:
+        evaluator.run(here(evaluator), keep=kept)
+    assert {looks.number_of(request.images[0]) for request in server.requests if request.images} == {0, 1}
 
 
 def test_nothing_answered_is_not_a_success(data: Path, model: Any, tmp_path: Path, capsys: Any) -> None:

@@ -88,7 +88,9 @@ def collection(folder: Path, episodes: list[Episode]) -> Path:
             for index, (step, before, after) in enumerate(episode.points)
         ]
         log = Log(number, len(points), tuple(episode.attempts), Ending.FULL)
-        dataset.write_shard(folder, dataset.digest(DESCRIBED), log, points, ATOMS, ())
+        dataset.write_atomically(
+            dataset.shard(folder, log.episode), dataset.shard_bytes(dataset.digest(DESCRIBED), log, points, ATOMS, ())
+        )
     manifest = {
         "format": dataset.FORMAT,
         "collection": DESCRIBED,

@@ -14,6 +14,7 @@ from executive import cli
 from executive.errors import InputError
 from executive.lab.eye import descent
 from executive.lab.eye.sizes import Pace
+from executive.lab.folders import lock
 from executive.lab.progress import Stage
 from executive.lab.train import MANIFEST, TrainConfig, Training
 from executive.s3e.vlm import TransformersBackend
@@ -34,6 +35,10 @@ def grown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert model is not None
     assert list(dict.fromkeys(stage.stage for stage in seen)) == ["pictures", "tower", "language", "together", "fewer"]
     assert all(stage.done <= stage.wanted for stage in seen)
+    numbers = {stage.stage: (stage.number, stage.stages) for stage in seen}
+    assert list(numbers.values()) == [(number, 5) for number in range(1, 6)]
+    assert seen[-1].left == 0.0
+    assert all(stage.left > 0.0 for stage in seen[:-1] if stage.left is not None)
     return out
 
 
@@ -74,6 +79,27 @@ def test_a_training_in_two_sittings_comes_to_the_same(grown: Path, tmp_path: Pat
     for part in one:
         for name, value in one[part].items():
             assert torch.allclose(value.float(), other[part][name].float(), atol=1e-5), (part, name)
+
+
+def test_what_a_killed_training_left_half_written_is_in_nobodys_way(grown: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again"
+    shutil.copytree(grown, out)
+    shutil.rmtree(out / "pictures" / "shard-0001")
+    (out / "pictures" / ".shard-0001.99").mkdir()
+    (out / ".tower.pt.99").write_bytes(b"half")
+    assert Training(config(out)).run() is not None
+    assert {each.name for each in (out / "pictures").iterdir()} == {"shard-0000", "shard-0001"}
+    assert not (out / ".tower.pt.99").exists()
+    for name in ("pictures", "facts"):
+        one, other = ((folder / "pictures" / "shard-0001" / f"{name}.npy").read_bytes() for folder in (grown, out))
+        assert one == other
+
+
+def test_one_training_at_a_time_in_a_folder(grown: Path) -> None:
+    held = lock(grown, "training", "executive train")
+    with pytest.raises(InputError, match="another process is working in this folder, training since"):
+        Training(config(grown)).run()
+    held.release()
 
 
 def test_another_training_is_refused(grown: Path) -> None:

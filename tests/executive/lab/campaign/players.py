@@ -16,11 +16,13 @@ from executive.faults import FaultInjector, parse_fault
 from executive.lab.campaign.design import Campaign, Contender, Episode, Place
 from executive.lab.campaign.episode import Player, Row, out_of_reach, row
 from executive.lab.campaign.scoring import Scorer, Tally
+from executive.lab.crew import Tell
 from executive.monitor import PlainMonitor, Thresholds
 from executive.policy import Settings
 from executive.protocols import Sink
 from executive.trace.report import Collector
 from executive.types import Atom, Event, Facts
+from tests.executive.lab.inline import Inline
 from tests.fakes import Recorder, ScriptedEstimator, Stage, at
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
@@ -83,7 +85,7 @@ def symbolic() -> Player:
     return play
 
 
-def play(episode: Episode) -> Row:
+def play(episode: Episode, tell: Tell = lambda done: None) -> Row:
     stage = staged(episode)
     collector, tally = scored(stage)
     truth = stage.world.truth(stage.task.atoms)
@@ -95,7 +97,7 @@ RAISES, DIES, HANGS = 1, 2, 3
 
 
 def troubled() -> Player:
-    def play_or_not(episode: Episode) -> Row:
+    def play_or_not(episode: Episode, tell: Tell) -> Row:
         if episode.seed == RAISES:
             raise RuntimeError("a bug\nin two lines")
         if episode.seed == DIES:
@@ -107,29 +109,11 @@ def troubled() -> Player:
     return play_or_not
 
 
-class Inline:
-    """A crew that is this process; episodes come to their ends in another order than they were handed out."""
+class Here(Inline[Episode, Row]):
+    """A crew that is this process."""
 
-    def __init__(self, prepare: object = None, jobs: int | None = None, limit: float = 0.0) -> None:
-        self.jobs, self.waiting, self.played = jobs or 3, list[Episode](), list[Episode]()
-
-    def __enter__(self) -> Inline:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.waiting.clear()
-
-    @property
-    def free(self) -> int:
-        return self.jobs - len(self.waiting)
-
-    def hand(self, episode: Episode) -> None:
-        assert self.free > 0
-        self.waiting.append(episode)
-
-    def gather(self, timeout: float) -> list[Row]:
-        self.played.append(self.waiting.pop())
-        return [play(self.played[-1])]
+    def __init__(self) -> None:
+        super().__init__(symbolic)
 
 
 def lasting(made: Row) -> Row:

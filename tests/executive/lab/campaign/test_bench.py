@@ -12,12 +12,12 @@ import pytest
 
 from executive.errors import InputError
 from executive.lab.campaign.bench import MANIFEST, WORK, Bench, read_manifest
-from executive.lab.campaign.design import Campaign, Contender, Place
-from executive.lab.campaign.episode import Row, failure
+from executive.lab.campaign.design import Campaign, Contender, Episode, Place
+from executive.lab.campaign.episode import Row
 from executive.lab.campaign.rows import FILE, Rows, read_rows
 from executive.lab.progress import Progress
 from executive.monitoring import MonitorConfig
-from tests.executive.lab.campaign.players import FAULTS, Inline, campaign, lasting, play
+from tests.executive.lab.campaign.players import FAULTS, Here, campaign, lasting, play
 
 COMMAND = "executive bench things.toml"
 
@@ -29,9 +29,9 @@ def kept(out: Path) -> dict[tuple[str, ...], Row]:
     return {key: lasting(row) for key, row in read_rows(out, refuse).items()}
 
 
-def sit(out: Path, made: Campaign | None = None, warn: Callable[[str], None] = print, **chosen: Any) -> Inline:
+def sit(out: Path, made: Campaign | None = None, warn: Callable[[str], None] = print, **chosen: Any) -> Here:
     """Have everything played that is missing."""
-    crew = Inline()
+    crew = Here()
     with Bench(made or campaign(), out, COMMAND, warn) as bench:
         assert bench.play(bench.wanted(**chosen), crew)
     return crew
@@ -46,7 +46,7 @@ def whole() -> dict[tuple[str, ...], Row]:
 def test_every_episode_has_its_row(tmp_path: Path, whole: dict[tuple[str, ...], Row]) -> None:
     crew = sit(tmp_path / "out")
     assert kept(tmp_path / "out") == whole
-    assert len(crew.played) == len(whole) == campaign().size
+    assert len(crew.done) == len(whole) == campaign().size
     manifest = read_manifest(tmp_path / "out")
     assert (manifest["title"], manifest["command"], manifest["episodes"]) == ("Things and places", COMMAND, 24)
     assert not (tmp_path / "out" / WORK).exists()
@@ -56,7 +56,7 @@ def test_every_episode_has_its_row(tmp_path: Path, whole: dict[tuple[str, ...], 
 def test_one_that_was_cancelled_goes_on_with_what_it_lacks(
     tmp_path: Path, whole: dict[tuple[str, ...], Row], after: int
 ) -> None:
-    crew = Inline()
+    crew = Here()
     with Bench(campaign(), tmp_path, COMMAND) as bench:
 
         def watch(progress: Progress) -> None:
@@ -65,33 +65,34 @@ def test_one_that_was_cancelled_goes_on_with_what_it_lacks(
 
         assert not bench.play(bench.wanted(), crew, watch)
     assert len(kept(tmp_path)) == after
-    assert len(sit(tmp_path).played) == len(whole) - after
+    assert len(sit(tmp_path).done) == len(whole) - after
     assert kept(tmp_path) == whole
-    assert sit(tmp_path).played == []
+    assert sit(tmp_path).done == []
 
 
 def test_progress_counts_what_there_is_and_what_is_new(tmp_path: Path) -> None:
     sit(tmp_path, seeds=1)
     told: list[Progress] = []
     with Bench(campaign(), tmp_path, COMMAND) as bench:
-        bench.play(bench.wanted(), Inline(), told.append)
+        bench.play(bench.wanted(), Here(), told.append)
     assert [(each.points, each.wanted, each.new) for each in told] == [(6 + new, 24, new) for new in range(19)]
 
 
 def test_what_failed_is_left_alone_until_it_is_to_be_tried_again(
     tmp_path: Path, whole: dict[tuple[str, ...], Row]
 ) -> None:
-    class Unlucky(Inline):
-        def gather(self, timeout: float) -> list[Row]:
-            self.played.append(self.waiting.pop())
-            return [failure(self.played[-1], "no luck") if self.played[-1].seed == 2 else play(self.played[-1])]
+    class Unlucky(Here):
+        def do(self, job: Episode) -> Row:
+            if job.seed == 2:
+                raise RuntimeError("no luck")
+            return super().do(job)
 
     with Bench(campaign(), tmp_path, COMMAND) as bench:
         assert bench.play(bench.wanted(), Unlucky())
         assert bench.missing(bench.wanted()) == []
         bench.retry()
         assert len(bench.missing(bench.wanted())) == 6
-        assert bench.play(bench.wanted(), Inline())
+        assert bench.play(bench.wanted(), Here())
     assert kept(tmp_path) == whole
 
 
@@ -115,7 +116,7 @@ def test_what_a_kill_left_and_what_is_damaged_is_played_again(
     (tmp_path / WORK).mkdir()
     (tmp_path / WORK / "episode-x").write_text("what a killed process left")
     warnings: list[str] = []
-    assert len(sit(tmp_path, warn=warnings.append).played) == 3
+    assert len(sit(tmp_path, warn=warnings.append).done) == 3
     assert kept(tmp_path) == whole
     assert [line.removeprefix(f"{tmp_path / FILE}: ") for line in warnings] == [
         "line 4: is damaged; it is played again",
@@ -175,7 +176,7 @@ def test_another_version_is_another_campaign_but_not_before_anything_was_played(
 def test_a_campaign_may_grow(tmp_path: Path, whole: dict[tuple[str, ...], Row]) -> None:
     small = campaign(2, faults=MappingProxyType({"none": ()}), contenders=(Contender("oracle", kind="oracle"),))
     sit(tmp_path, small)
-    assert len(sit(tmp_path).played) == 22
+    assert len(sit(tmp_path).done) == 22
     assert kept(tmp_path) == whole
 
 
@@ -188,7 +189,7 @@ def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
         Bench(campaign(), tmp_path / "thesis" / "chapter.txt", COMMAND)
     with (
         Bench(campaign(), tmp_path / "out", COMMAND),
-        pytest.raises(InputError, match="another process is playing a campaign in this folder"),
+        pytest.raises(InputError, match="another process is working in this folder, playing a campaign since"),
     ):
         Bench(campaign(), tmp_path / "out", COMMAND)
     Bench(campaign(), tmp_path / "out", COMMAND).__exit__(None, None, None)

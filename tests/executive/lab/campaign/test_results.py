@@ -24,7 +24,7 @@ from executive.lab.campaign.intervals import bootstrap, mcnemar, wilson
 from executive.lab.campaign.results import METRICS, Results, load_results, results, value
 from executive.lab.campaign.scoring import Strike
 from executive.lab.campaign.tables import heads, markdown
-from tests.executive.lab.campaign.players import FAULTS, Inline, campaign, play
+from tests.executive.lab.campaign.players import FAULTS, Here, campaign, play
 
 METRIC = {metric.name: metric for metric in METRICS}
 THREE = (Contender("none", kind="none"), Contender("oracle", kind="oracle"), Contender("hasty", kind="oracle"))
@@ -60,7 +60,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A campaign that was played: six seeds, three lists of faults, three contenders."""
     out = tmp_path_factory.mktemp("things")
     with Bench(campaign(6, contenders=THREE), out, "executive bench things.toml") as bench:
-        assert bench.play(bench.wanted(), Inline())
+        assert bench.play(bench.wanted(), Here())
     return out
 
 
@@ -224,7 +224,7 @@ def test_sides_are_found_or_asked_for(folder: Path, tmp_path: Path) -> None:
     assert all(each.first == each.second and each.only in (None, (0, 0)) for _, _, pairs in same for each in pairs)
     alone = tmp_path / "alone"
     with Bench(campaign(2, contenders=(Contender("sole", kind="oracle"),)), alone, "bench") as bench:
-        bench.play(bench.wanted(), Inline())
+        bench.play(bench.wanted(), Here())
     ((_, _, pairs),) = compare.compare(str(alone), f"{folder}:oracle")
     assert {each.pairs for each in pairs if each.metric.name == "success"} == {2}
     with pytest.raises(
@@ -238,7 +238,7 @@ def test_sides_are_found_or_asked_for(folder: Path, tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     far = replace(campaign(1, contenders=(Contender("oracle", kind="oracle"),)), seeds=(99,))
     with Bench(far, elsewhere, "bench") as bench:
-        bench.play(bench.wanted(), Inline())
+        bench.play(bench.wanted(), Here())
     with pytest.raises(InputError, match="have no episode in common"):
         compare.compare(str(elsewhere), f"{folder}:oracle")
 

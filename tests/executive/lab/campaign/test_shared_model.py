@@ -16,9 +16,9 @@ from executive import cli
 from executive.assemble import RunConfig
 from executive.cli import benching
 from executive.eye import EyeConfig
-from executive.lab.campaign.crew import Processes
 from executive.lab.campaign.design import Contender, Episode, Place
-from executive.lab.campaign.episode import Row, Simulated
+from executive.lab.campaign.episode import Row, Simulated, row_of
+from executive.lab.crew import Processes
 from executive.s3e.backend import YES_NO, Answer, AnswerWords, Backend
 from executive.s3e.host import ModelHost
 from executive.s3e.shared import HostEndedError, kept
@@ -52,12 +52,12 @@ def test_the_rows_are_those_of_one_with_a_model_of_its_own(model: Path, tmp_path
     rows: list[Row] = []
     with (
         ModelHost() as host,
-        Processes(partial(Simulated, tmp_path, host.address), 2, 600.0, host.revive) as crew,
+        Processes(partial(Simulated, tmp_path, host.address), 2, 600.0, host.revive, alone=True) as crew,
     ):
         for episode in wanted:
             crew.hand(episode)
         while len(rows) < len(wanted):
-            rows += crew.gather(60.0)
+            rows += map(row_of, crew.gather(60.0))
         assert kept(host.address) == 2, "each worker keeps the look that it is at"
     own = Simulated(tmp_path)
     assert sorted(map(lasting, rows), key=lambda row: row.seed) == [lasting(own(episode)) for episode in wanted]

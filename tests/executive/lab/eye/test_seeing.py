@@ -55,7 +55,10 @@ def test_the_same_seed_draws_the_same_moments() -> None:
 
 
 def test_a_shard_is_read_as_it_was_drawn(tmp_path: Path) -> None:
-    pictures.draw_shard(str(TRAY), None, 5, 64, 6, tmp_path, 3)
+    told: list[float] = []
+    draw = pictures.Drawing(str(TRAY), None, 5, 64, 6, tmp_path)
+    draw(3, told.append)
+    assert told == [pytest.approx(done / 6) for done in range(1, 7)]
     assert pictures.shards(tmp_path) == [3]
     shard = pictures.read_shard(tmp_path, 3)
     subject = Subject.of(load_domain(TRAY))
@@ -65,9 +68,11 @@ def test_a_shard_is_read_as_it_was_drawn(tmp_path: Path) -> None:
     assert shard.items.shape == (6, cameras, pictures.MASK, pictures.MASK)
     assert shard.facts.shape == (6, len(subject.atoms))
     assert set(np.unique(shard.items)) == {0, *range(1, len(subject.items) + 1)}
-    (tmp_path / ".shard-0004.1").mkdir()
-    pictures.sweep(tmp_path)
+    # Somebody else may have drawn it meanwhile; it is the same.
+    there = (tmp_path / "shard-0003" / "pictures.npy").stat().st_ino
+    pictures.write_shard(tmp_path, 3, shard._asdict())
     assert [path.name for path in tmp_path.iterdir()] == ["shard-0003"]
+    assert (tmp_path / "shard-0003" / "pictures.npy").stat().st_ino == there
 
 
 def test_a_cell_shows_as_many_pixels_as_it_has() -> None:

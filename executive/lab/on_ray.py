@@ -1,29 +1,29 @@
-"""A crew of Ray's: when one machine is not enough. The same episodes give the same rows.
+"""A crew of Ray's: when one machine is not enough. The same jobs come to the same.
 
-Every machine of the cluster needs Executive, in the same version, and what a campaign names (domain folders, models) at
-the same place.
+Every machine of the cluster needs Executive, in the same version, and what the jobs name (domain folders, models,
+collections) at the same place.
 """
 
 from __future__ import annotations
 
 import importlib
+import math
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Generic
 
 from executive.errors import ExecutiveError, MissingError
-from executive.lab.campaign.design import Episode
-from executive.lab.campaign.episode import Player, Row, failure
+from executive.lab.crew import Ended, J, LostError, V, Work, outcome, too_long
 from executive.threads import cores, shared_by
 
 
-class OnRay:
-    """A crew of Ray actors, each with a core of its own.
+class OnRay(Generic[J, V]):
+    """A crew of Ray actors, each with a core of its own. How far a job is, it does not tell.
 
     Args:
-        prepare: called by each actor; makes what plays.
+        prepare: called by each actor; makes what works.
         jobs: how many actors; as many as the cluster has cores if not given.
-        limit: wall seconds after which an episode is ended.
+        limit: wall seconds after which a job is ended.
         address: of a running cluster ("auto": the one of this machine); without one, a cluster of this machine alone is
             started, and ended in the end.
 
@@ -33,7 +33,11 @@ class OnRay:
     """
 
     def __init__(
-        self, prepare: Callable[[], Player], jobs: int | None, limit: float, address: str | None = None
+        self,
+        prepare: Callable[[], Work[J, V]],
+        jobs: int | None,
+        limit: float = math.inf,
+        address: str | None = None,
     ) -> None:
         try:
             self._ray: Any = importlib.import_module("ray")
@@ -54,9 +58,9 @@ class OnRay:
         self._jobs = jobs or max(1, int(self._ray.cluster_resources().get("CPU", 1)))
         self._actor = self._ray.remote(num_cpus=1, max_restarts=0)(_Member)
         self._idle: list[Any] = []
-        self._busy: dict[Any, tuple[Any, Episode, float]] = {}
+        self._busy: dict[Any, tuple[Any, J, float]] = {}
 
-    def __enter__(self) -> OnRay:
+    def __enter__(self) -> OnRay[J, V]:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -69,45 +73,49 @@ class OnRay:
     def free(self) -> int:
         return self._jobs - len(self._busy)
 
-    def hand(self, episode: Episode) -> None:
-        actor = self._idle.pop() if self._idle else self._actor.remote(self._prepare)
-        self._busy[actor.play.remote(episode)] = actor, episode, time.monotonic()
+    @property
+    def under_way(self) -> float:
+        return 0.0
 
-    def gather(self, timeout: float) -> list[Row]:
+    def hand(self, job: J) -> None:
+        actor = self._idle.pop() if self._idle else self._actor.remote(self._prepare)
+        self._busy[actor.do.remote(job)] = actor, job, time.monotonic()
+
+    def gather(self, timeout: float) -> list[Ended[J, V]]:
         if not self._busy:
             return []
         first = min(since for _, _, since in self._busy.values()) + self._limit - time.monotonic()
         ready, _ = self._ray.wait(list(self._busy), num_returns=1, timeout=max(0.0, min(timeout, first)))
-        rows = [self._row(reference) for reference in ready]
-        for reference, (actor, episode, since) in list(self._busy.items()):
+        ended = [self._ended(reference) for reference in ready]
+        for reference, (actor, job, since) in list(self._busy.items()):
             if time.monotonic() - since > self._limit:
                 self._ray.kill(actor)
                 del self._busy[reference]
-                rows.append(failure(episode, f"took longer than {self._limit:g} s and was ended", self._limit))
-        return rows
+                ended.append(Ended(job, too_long(self._limit), self._limit))
+        return ended
 
-    def _row(self, reference: Any) -> Row:
-        actor, episode, since = self._busy.pop(reference)
+    def _ended(self, reference: Any) -> Ended[J, V]:
+        actor, job, since = self._busy.pop(reference)
         try:
-            row: Row = self._ray.get(reference)
+            came: V | Exception = self._ray.get(reference)
         except Exception as error:  # whatever became of the actor or of its machine
             self._ray.kill(actor)
-            return failure(episode, f"its process died: {error}", time.monotonic() - since)
-        self._idle.append(actor)
-        return row
+            came = LostError(f"its process died: {error}")
+        else:
+            self._idle.append(actor)
+        return Ended(job, came, time.monotonic() - since)
 
 
-class _Member:
+class _Member(Generic[J, V]):
     """The actor."""
 
-    def __init__(self, prepare: Callable[[], Player]) -> None:
+    def __init__(self, prepare: Callable[[], Work[J, V]]) -> None:
         self._prepare = prepare
-        self._player: Player | None = None
+        self._work: Work[J, V] | None = None
 
-    def play(self, episode: Episode) -> Row:
-        began = time.monotonic()
-        try:
-            self._player = self._player or self._prepare()
-            return self._player(episode)
-        except Exception as error:
-            return failure(episode, error, time.monotonic() - began)
+    def do(self, job: J) -> V | Exception:
+        return outcome(lambda: self._done(job))
+
+    def _done(self, job: J) -> V:
+        self._work = self._work or self._prepare()
+        return self._work(job, lambda done: None)
