@@ -62,8 +62,8 @@ def exit_code(arguments: Sequence[str]) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
         return int(code or 0)
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    except KeyboardInterrupt as order:
+        return int(order.args[0]) if order.args else INTERRUPTED
     except Exception as error:
         if settings.debug:
             raise
@@ -108,6 +108,11 @@ class Interrupted:
         return 128 + (self.order or signal.SIGINT)
 
 
+def _leave(number: int, frame: FrameType | None) -> None:
+    """Leave at once, with the exit code of the order that came."""
+    raise KeyboardInterrupt(128 + number)
+
+
 @contextmanager
 def ctrl_c(cancel: Callable[[], None], seconds: float | None = None) -> Iterator[Interrupted]:
     """Ctrl-C once cancels, which leaves the arm at rest and the trace whole; a second one leaves at once. So does being
@@ -121,7 +126,7 @@ def ctrl_c(cancel: Callable[[], None], seconds: float | None = None) -> Iterator
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         for each in before:
-            signal.signal(each, signal.default_int_handler)
+            signal.signal(each, _leave)
         heard.order = number
         cancel()
 

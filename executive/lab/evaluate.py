@@ -156,21 +156,21 @@ class Looker:
     def __init__(self, config: EvalConfig) -> None:
         self._subject, self._drawing = _opened_domain(config)
         self._seen = _Seen(config, self._subject, self._drawing)
-        self._eye: S3E = open_eye(config.eye, self._subject)
-        self._questions = self._eye.questions
-        self._seen.show(self._eye.cameras)
+        self.eye: S3E = open_eye(config.eye, self._subject)
+        self._questions = self.eye.questions
+        self._seen.show(self.eye.cameras)
 
     def __call__(self, look: Look, tell: Tell) -> Opened | Said:
         if look == OPENING:
             own = self._questions
             asked = (dict(own.text), own.system, own.translator, own.answers, own.warnings)
-            return Opened(self._eye.backend.name, self._eye.cameras, asked)
+            return Opened(self.eye.backend.name, self.eye.cameras, asked)
         point = self._seen.point(look)
-        self._eye.questions = self._seen.questions(point, self._questions)
+        self.eye.questions = self._seen.questions(point, self._questions)
         observation = Observation(look.number, point.time, self._seen.pictures(point), point.joints)
         atoms = self._subject.task.atoms
         begin = time.perf_counter()
-        belief = self._eye.estimate(observation, atoms)
+        belief = self.eye.estimate(observation, atoms)
         seconds = time.perf_counter() - begin
         why = "" if belief.probability else _why(belief)
         return Said(tuple(belief.probability.get(atom) for atom in atoms), seconds, why)

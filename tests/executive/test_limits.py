@@ -386,8 +386,9 @@ def test_asked_to_end_the_run_is_cancelled_and_then_left(order: signal.Signals, 
         os.kill(os.getpid(), order)
         assert cancelled == [1]
         assert interrupted.code == 128 + order
-        with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt) as again:
+            os.kill(os.getpid(), order)
+        assert again.value.args == (128 + order,)
     assert signal.getsignal(order) is before
 
 

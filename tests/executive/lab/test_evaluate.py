@@ -23,7 +23,7 @@ from executive.errors import InputError
 from executive.eye import EyeConfig
 from executive.lab import evaluation_report as reporting
 from executive.lab import evaluation_store as store
-from executive.lab.evaluate import FRUITLESS, EvalConfig, Evaluation, Evaluator, Look, Opened, Said, row_name
+from executive.lab.evaluate import FRUITLESS, EvalConfig, Evaluation, Evaluator, Look, Looker, Opened, Said, row_name
 from executive.lab.metrics import Answers
 from executive.lab.mistakes import Mistakes
 from executive.lab.progress import Progress
@@ -163,8 +163,10 @@ def test_the_papers_settings_are_measured_and_kept(data: Path, model: Any) -> No
     server = model()
     eye = EyeConfig(server=server.url, cameras=(looks.CAMERAS[1],), abstention=False, instructions="paper")
     with Evaluator(replace(config(server, data, looks=2), eye=eye)) as evaluator:
-        made = evaluator.run()
-        assert evaluator.eye.least_mass == 0.0
+        crew = here(evaluator)
+        made = evaluator.run(crew)
+        assert isinstance(crew.work, Looker)
+        assert crew.work.eye.least_mass == 0.0
     assert made is not None
     assert made.name == "tiny (paper) + Instruct + Pose"
     kept = store.document(made)["about"]
