@@ -62,8 +62,10 @@ def exit_code(arguments: Sequence[str]) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
         return int(code or 0)
-    except KeyboardInterrupt as order:
-        return int(order.args[0]) if order.args else INTERRUPTED
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except SystemExit as order:
+        return int(order.code or 0)
     except Exception as error:
         if settings.debug:
             raise
@@ -110,7 +112,7 @@ class Interrupted:
 
 def _leave(number: int, frame: FrameType | None) -> None:
     """Leave at once, with the exit code of the order that came."""
-    raise KeyboardInterrupt(128 + number)
+    raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
 
 
 @contextmanager
