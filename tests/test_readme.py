@@ -50,5 +50,12 @@ def test_faults_are_faults(spec: str) -> None:
 
 def test_exit_codes_are_those_of_the_command_line() -> None:
     listed = {int(code) for code in re.findall(r"^\| (\d+) \|", README, flags=re.MULTILINE)}
-    assert listed == {cli.REACHED, cli.NOT_REACHED, cli.BAD_INPUT, MissingError.exit_code, cli.INTERRUPTED}
+    assert listed == {
+        cli.REACHED,
+        cli.NOT_REACHED,
+        cli.BAD_INPUT,
+        MissingError.exit_code,
+        cli.INTERRUPTED,
+        cli.TERMINATED,
+    }
     assert f"{cli.BUG} is a bug" in README

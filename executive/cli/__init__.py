@@ -8,13 +8,35 @@ Everything heavy is imported inside the command that needs it, so that `executiv
 """
 
 from executive.cli.benching import bench
-from executive.cli.frame import BAD_INPUT, BUG, INTERRUPTED, NOT_REACHED, REACHED, Settings, app, exit_code, main
+from executive.cli.frame import (
+    BAD_INPUT,
+    BUG,
+    INTERRUPTED,
+    NOT_REACHED,
+    REACHED,
+    TERMINATED,
+    Settings,
+    app,
+    exit_code,
+    main,
+)
 from executive.cli.house import doctor, domains, faults, new
 from executive.cli.replaying import replay
 from executive.cli.running import explain, inspect, resume, run
 from executive.cli.seeing import calibrate, collect, estimate, evaluate, train
 
-__all__ = ["BAD_INPUT", "BUG", "INTERRUPTED", "NOT_REACHED", "REACHED", "Settings", "app", "exit_code", "main"]
+__all__ = [
+    "BAD_INPUT",
+    "BUG",
+    "INTERRUPTED",
+    "NOT_REACHED",
+    "REACHED",
+    "TERMINATED",
+    "Settings",
+    "app",
+    "exit_code",
+    "main",
+]
 
 # In the order in which the help lists them.
 app.command()(run)

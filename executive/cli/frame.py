@@ -22,7 +22,7 @@ from executive import __version__
 from executive.cli import streams
 from executive.errors import ExecutiveError
 
-REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
+REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED, TERMINATED = 0, 1, 2, 70, 130, 143
 
 SECONDS_TO_LEAVE = 4.0
 """In which long work that is interrupted comes to rest, or is left."""
