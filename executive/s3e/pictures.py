@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from executive.errors import InputError
 from executive.files import reason
@@ -17,13 +19,16 @@ LARGEST_FILE = 200_000_000
 LARGEST = 50_000_000
 """Pixels. A small file can hold a picture that fills the memory; it is refused before it is unpacked."""
 
+_BITS = (8, 10, 12, 14, 16)
+"""How many bits a pixel cameras and scanners have; files have room for 16, however many are meant."""
+
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "PPM")
 """What is read. Pillow knows more, and some of those run other programs."""
 
 
 def read_picture(path: Path | str) -> Image:
     """The picture in a file, (H, W, 3) uint8 RGB, turned upright where its EXIF data says so. What is transparent is
-    shown on white; of an animation, the first picture.
+    shown on white; of an animation, the first picture; what has more than eight bits a pixel is brought to eight.
 
     Raises:
         InputError: there is no such file, or it is no picture, a broken one, or one that is too large.
@@ -41,7 +46,9 @@ def read_picture(path: Path | str) -> Image:
                 if width * height > LARGEST:
                     raise InputError(f"has {width} x {height} pixels; at most {LARGEST:,} are read", file=file)
                 shown = ImageOps.exif_transpose(picture)
-                if shown.has_transparency_data:
+                if shown.mode.startswith(("I", "F")):
+                    shown = Picture.fromarray(_in_eight_bits(np.asarray(shown), file))
+                elif shown.has_transparency_data:
                     shown = shown.convert("RGBA")
                     white = Picture.new("RGBA", shown.size, "white")
                     shown = Picture.alpha_composite(white, shown)
@@ -55,6 +62,26 @@ def read_picture(path: Path | str) -> Image:
     except (ValueError, SyntaxError, EOFError, OverflowError, MemoryError, IndexError, TypeError) as error:
         # What Pillow's decoders raise for files that begin well and go on badly.
         raise InputError(f"is a broken picture ({error or type(error).__name__})", file=file) from None
+
+
+def _in_eight_bits(values: npt.NDArray[Any], file: Path) -> npt.NDArray[np.uint8]:
+    """Shades of grey as they are meant: of whole numbers, the range is that of the camera with the fewest bits that has
+    the brightest of them; floating-point ones go from 0 to 1. (Pillow's own conversion cuts off all above 255.)
+
+    Raises:
+        InputError: there are others, and so it is not known what is black and what is white.
+    """
+    lowest, highest = values.min(), values.max()
+    if values.dtype.kind == "f":
+        if not (lowest >= 0.0 and highest <= 1.0):  # nor if there is one that is no number
+            told = f"has floating-point values from {lowest:g} to {highest:g}; those of a picture go from 0 to 1"
+            raise InputError(told, file=file)
+        return np.rint(values * 255.0).astype(np.uint8)
+    white = next((2**bits - 1 for bits in _BITS if highest < 2**bits), None)
+    if lowest < 0 or white is None:
+        told = f"has values from {lowest:,} to {highest:,}; those of a picture go from 0 to {2 ** _BITS[-1] - 1:,}"
+        raise InputError(told, file=file)
+    return np.rint(values * (255.0 / white)).astype(np.uint8)
 
 
 def _check_file(file: Path) -> None:

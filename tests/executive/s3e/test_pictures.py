@@ -7,8 +7,10 @@ import os
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -140,3 +142,53 @@ def test_a_damaged_file_is_a_picture_or_one_line(tmp_path: Path, kind: str, data
         return
     assert image.ndim == 3
     assert image.shape[2] == 3
+
+
+RAMP = np.tile(np.linspace(0.0, 1.0, 256), (4, 1))
+
+
+@pytest.mark.parametrize("kind", ["PNG", "TIFF", "PPM"])
+@pytest.mark.parametrize("bits", [9, 10, 12, 14, 16])
+def test_whole_numbers_of_more_than_eight_bits_are_brought_to_eight(tmp_path: Path, kind: str, bits: int) -> None:
+    file = tmp_path / "picture"
+    white = 2 ** (bits + bits % 2) - 1
+    file.write_bytes(encoded(Picture.fromarray(np.rint(RAMP * white).astype(np.uint16)), kind))
+    shades = read_picture(file)[..., 0].astype(float)
+    assert np.abs(shades - 255.0 * RAMP).max() <= 1.0
+
+
+@pytest.mark.parametrize("dtype", ["<u2", ">u2", "<i4"])
+def test_how_whole_numbers_are_written_does_not_matter(tmp_path: Path, dtype: str) -> None:
+    file = tmp_path / "picture"
+    file.write_bytes(encoded(Picture.fromarray(np.rint(RAMP * 61_440).astype(dtype)), "TIFF"))
+    assert abs(read_picture(file).mean() - 127.5 * 61_440 / 65_535) < 1.0
+
+
+def test_eight_bits_in_the_room_of_sixteen_are_left_as_they_are(tmp_path: Path) -> None:
+    file = tmp_path / "picture"
+    file.write_bytes(encoded(Picture.fromarray(NOISE[..., 0].astype(np.uint16))))
+    assert np.array_equal(read_picture(file)[..., 0], NOISE[..., 0])
+
+
+def test_floating_point_from_black_to_white_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "picture"
+    file.write_bytes(encoded(Picture.fromarray(RAMP.astype(np.float32)), "TIFF"))
+    assert np.abs(read_picture(file)[..., 0] - 255.0 * RAMP).max() <= 1.0
+
+
+@pytest.mark.parametrize(
+    "values", [np.float32(RAMP * 5.0), np.float32(RAMP - 0.5), np.float32(RAMP * np.nan), np.int32(RAMP * 1e9)]
+)
+def test_what_has_no_known_black_and_white_is_refused(tmp_path: Path, values: npt.NDArray[Any]) -> None:
+    file = tmp_path / "picture"
+    file.write_bytes(encoded(Picture.fromarray(values), "TIFF"))
+    with pytest.raises(InputError, match="has (floating-point )?values from") as raised:
+        read_picture(file)
+    assert raised.value.file == file
+
+
+def test_more_than_eight_bits_are_turned_upright_too(tmp_path: Path) -> None:
+    file, turned = tmp_path / "picture", Picture.Exif()
+    turned[0x0112] = 6
+    file.write_bytes(encoded(Picture.fromarray(np.rint(RAMP * 65_535).astype(np.uint16)), exif=turned))
+    assert read_picture(file).shape == (256, 4, 3)
