@@ -14,7 +14,7 @@ from pathlib import Path
 from executive.domain import Domain
 from executive.errors import InputError, nearest
 from executive.eye import EyeConfig
-from executive.files import check_writable, read_toml, reason
+from executive.files import check_writable, legible, read_toml, reason
 from executive.monitoring import MonitorConfig
 from executive.policy import Settings
 from executive.trace.whole import write_whole
@@ -166,11 +166,18 @@ def _toml(config: RunConfig) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _written(value: object) -> object:
+    """As it is in the file, where half a character, as it may be in a path, cannot be."""
+    if isinstance(value, tuple):
+        return [_written(each) for each in value]
+    return legible(str(value)) if isinstance(value, str | Path) else value
+
+
 def _settings(config: RunConfig | EyeConfig | MonitorConfig) -> list[str]:
     """A line for everything that is set. A JSON string, number, boolean or array of strings is a TOML one."""
     values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
     return [
-        f"{name} = {json.dumps(str(value) if isinstance(value, Path) else value)}".replace("\x7f", "\\u007f")
+        f"{name} = {json.dumps(_written(value))}".replace("\x7f", "\\u007f")
         for name, value in values.items()
         if value is not None and not isinstance(value, EyeConfig | MonitorConfig)
     ]

@@ -202,6 +202,11 @@ def home(path: str | Path) -> Path:
         return Path(path)
 
 
+def legible(text: str) -> str:
+    """The text, with question marks for what is none: names of files may be any bytes, and records are UTF-8."""
+    return text if text.isascii() else text.encode(errors="replace").decode()
+
+
 def reason(error: Exception) -> str:
     """What the system, or else Python, says of an error."""
     return str(getattr(error, "strerror", None) or error or type(error).__name__)

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 from executive.assemble import checked_stage
 from executive.domain import Domain, load_domain
 from executive.errors import ExecutiveError, InputError
+from executive.files import legible
 from executive.lab import card, dataset
 from executive.lab.crew import Crew, LostError, Processes, Tell, done_by
 from executive.lab.dataset import Log
@@ -87,7 +88,7 @@ class CollectConfig:
             words += ["--grasp-noise", repr(self.grasp_noise)]
         if self.slips != SLIPS:
             words += ["--slips", repr(self.slips)]
-        return shlex.join(words)
+        return legible(shlex.join(words))
 
 
 class Task(NamedTuple):

@@ -292,7 +292,7 @@ def _table(path: Path, names: Sequence[str] | None = None) -> pa.Table:
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        with path.open("rb") as opened, pq.ParquetFile(opened, page_checksum_verification=True) as file:
             return file.read(None if names is None else list(names))
     except FileNotFoundError:
         raise InputError("there is no such file", file=path) from None

@@ -24,7 +24,7 @@ import numpy as np
 from executive.domain import Domain, Subject, load_domain, load_subject
 from executive.errors import InputError
 from executive.eye import EyeConfig, load_calibration, open_eye, settled
-from executive.files import home, parse_json
+from executive.files import home, legible, parse_json
 from executive.lab import dataset, published
 from executive.lab.collect import version_of
 from executive.lab.crew import Crew, Tell, done_by
@@ -85,7 +85,7 @@ class EvalConfig:
         for name, value in options.items():
             words += [name, str(value)] if value is not None else []
         words += [word for spec in self.disturb for word in ("--disturb", spec)]
-        return shlex.join([*words, *self.eye.words(), *([] if self.rename else ["--no-rename"])])
+        return legible(shlex.join([*words, *self.eye.words(), *([] if self.rename else ["--no-rename"])]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

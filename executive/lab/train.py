@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from executive.assemble import checked_stage
 from executive.domain import Domain, load_domain
 from executive.errors import ExecutiveError, InputError
-from executive.files import read_json
+from executive.files import legible, read_json
 from executive.lab import dataset
 from executive.lab.crew import LostError, Processes, done_by
 from executive.lab.eye.sizes import RECIPES, Recipe
@@ -60,7 +60,7 @@ class TrainConfig:
         words = ["executive", "train", self.domain, "--out", str(self.out)]
         words += ["--problem", self.problem] if self.problem is not None else []
         words += ["--recipe", self.recipe] if self.recipe != "small" else []
-        return shlex.join([*words, *(["--seed", str(self.seed)] if self.seed else [])])
+        return legible(shlex.join([*words, *(["--seed", str(self.seed)] if self.seed else [])]))
 
 
 Watch = Callable[[Stage], None]

@@ -76,12 +76,14 @@ def _in_eight_bits(values: npt.NDArray[Any], file: Path) -> npt.NDArray[np.uint8
         if not (lowest >= 0.0 and highest <= 1.0):  # nor if there is one that is no number
             told = f"has floating-point values from {lowest:g} to {highest:g}; those of a picture go from 0 to 1"
             raise InputError(told, file=file)
-        return np.rint(values * 255.0).astype(np.uint8)
-    white = next((2**bits - 1 for bits in _BITS if highest < 2**bits), None)
-    if lowest < 0 or white is None:
-        told = f"has values from {lowest:,} to {highest:,}; those of a picture go from 0 to {2 ** _BITS[-1] - 1:,}"
-        raise InputError(told, file=file)
-    return np.rint(values * (255.0 / white)).astype(np.uint8)
+        white = 1
+    else:
+        white = next((2**bits - 1 for bits in _BITS if highest < 2**bits), 0)
+        if lowest < 0 or not white:
+            told = f"has values from {lowest:,} to {highest:,}; those of a picture go from 0 to {2 ** _BITS[-1] - 1:,}"
+            raise InputError(told, file=file)
+    shades: npt.NDArray[np.uint8] = np.rint(values * (255.0 / white)).astype(np.uint8)
+    return shades
 
 
 def _check_file(file: Path) -> None:

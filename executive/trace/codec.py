@@ -18,6 +18,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from executive import types as values
+from executive.files import legible
 from executive.types import Atom, Facts
 
 JsonValue = Any
@@ -41,8 +42,7 @@ def encode(value: Any) -> JsonValue:
         case None | bool():
             return value
         case str():
-            text = value.value if isinstance(value, Enum) else value
-            return text if text.isascii() else text.encode(errors="replace").decode()  # names of files may be no text
+            return legible(value.value if isinstance(value, Enum) else value)
         case Atom():
             return str(value)
         case Facts():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from executive.errors import InputError, nearest
 from executive.trace.viewer_blueprint import CYCLE, SIM_TIME
-from executive.trace.viewer_process import headless_viewer, trace_file
+from executive.trace.viewer_process import headless_viewer, named_in_text, trace_file
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -55,8 +55,8 @@ def screenshot(
         ViewerError: the viewer did not start or failed.
     """
     path = trace_file(trace)
-    with headless_viewer((size[0], size[1] + _STRIP)) as viewer:
-        viewer.open([str(path)])
+    with named_in_text(path) as named, headless_viewer((size[0], size[1] + _STRIP)) as viewer:
+        viewer.open([named])
         settle(viewer, path)
         view = None if panel is None else _view_id(viewer, path, panel)
         _arrange(viewer, view)
@@ -116,9 +116,9 @@ def _stamps(path: Path) -> Iterator[_Stamp]:
     """When everything happened that a trace tells of."""
     from rerun.chunk import RrdReader
 
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), named_in_text(path) as named:
         warnings.filterwarnings("ignore", "RRD file has no footer")  # a run that was killed
-        for chunk in RrdReader(path).stream():
+        for chunk in RrdReader(named).stream():
             batch = chunk.to_record_batch()
             if {CYCLE, SIM_TIME} <= set(batch.schema.names):
                 columns = [batch.column(name).cast("int64").to_pylist() for name in (CYCLE, SIM_TIME)]

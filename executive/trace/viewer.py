@@ -18,6 +18,7 @@ from textwrap import wrap
 import rerun as rr
 
 from executive.errors import InputError
+from executive.files import legible
 from executive.monitor import Thresholds
 from executive.trace import documents, viewer_freed
 from executive.trace.documents import plain
@@ -98,7 +99,7 @@ class RerunSink:
         # A file grows by a kilobyte with each piece that is written; whoever looks on does not want to wait for more.
         pieces = rr.ChunkBatcherConfig.DEFAULT()
         pieces.flush_tick = _TICK_LIVE if viewer else _TICK
-        name = path.parent.resolve().name
+        name = legible(path.parent.resolve().name)
         viewer_freed.sweep()  # those of earlier runs
         self._record = rr.RecordingStream(APPLICATION, recording_id=name, batcher_config=pieces)
         self._record.set_log_time_enabled(False)  # `wall` says when, and repeats

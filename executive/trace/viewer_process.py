@@ -17,6 +17,7 @@ from typing import IO, TYPE_CHECKING
 from urllib.parse import quote
 
 from executive.errors import ExecutiveError, InputError, MissingError
+from executive.files import legible
 from executive.machine import has_display
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def inspect(trace: Path | str, web: bool = False, tell: Callable[[str], None] = 
     path = trace_file(trace)
     if web:
         data, page = free_port(), free_port()
-        command = viewer_command("--web-viewer", "--port", str(data), "--web-viewer-port", str(page), str(path))
+        command = viewer_command("--web-viewer", "--port", str(data), "--web-viewer-port", str(page))
         source = quote(f"rerun+http://127.0.0.1:{data}/proxy", safe="")
         tell(f"http://127.0.0.1:{page}?url={source}")
     else:
@@ -71,10 +72,26 @@ def inspect(trace: Path | str, web: bool = False, tell: Callable[[str], None] = 
             raise ViewerError(
                 f"there is no display here; use: executive inspect {run} --web, or executive inspect {run} --png FILE"
             )
-        command = viewer_command("--port", "auto", str(path))
-    with contextlib.suppress(KeyboardInterrupt), started(command, os.environ) as (process, output):
+        command = viewer_command("--port", "auto")
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        named_in_text(path) as named,
+        started([*command, named], os.environ) as (process, output),
+    ):
         if process.wait() != 0:
             raise ViewerError(f"the viewer failed: {_last_words(output)}")
+
+
+@contextlib.contextmanager
+def named_in_text(path: Path) -> Iterator[str]:
+    """A file's name as the viewer takes it, who knows none but in UTF-8: where it has no such one, a link's."""
+    if legible(str(path)) == str(path):
+        yield str(path)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        link = Path(folder) / path.name
+        link.symlink_to(path.absolute())
+        yield str(link)
 
 
 def open_window() -> str:

@@ -18,7 +18,9 @@ from executive import files
 from executive.errors import DomainError, InputError
 from executive.files import (
     DEEPEST,
+    check_writable,
     home,
+    legible,
     parse_arrays,
     parse_json,
     parse_toml,
@@ -211,3 +213,20 @@ def test_what_is_no_home_stays_as_it_is(path: str) -> None:
 
 def test_home_is_home() -> None:
     assert home("~/x") == Path.home() / "x"
+
+
+def test_what_is_no_text_is_marked_and_text_is_left_as_it_is() -> None:
+    assert legible("lat\udce9/run") == "lat?/run"
+    assert legible("laté/run") == "laté/run"
+
+
+def test_where_files_can_be_made_nothing_is_left_behind(tmp_path: Path) -> None:
+    check_writable(tmp_path / "not" / "there" / "yet", "--out")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("folder", ["/proc/nowhere", "/sys", "/dev/null/x", "a\0b", "a" * 5_000])
+def test_where_no_file_can_be_made_is_said_with_the_option(folder: str) -> None:
+    with pytest.raises(InputError) as raised:
+        check_writable(Path(folder), "--out")
+    assert raised.value.key == "--out"

@@ -19,7 +19,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ValidationError
 
 from executive.errors import InputError, nearest
-from executive.files import read_json
+from executive.files import legible, read_json
 from executive.lab.campaign.design import Campaign, Episode
 from executive.lab.campaign.episode import FAILED, Row, row_of
 from executive.lab.campaign.rows import Rows, read_rows
@@ -61,7 +61,7 @@ class Bench:
                 "format": FORMAT,
                 "title": campaign.title,
                 "about": campaign.about,
-                "command": command,
+                "command": legible(command),
                 "seeds": list(campaign.seeds),
                 "episodes": campaign.size,
                 "campaign": what,

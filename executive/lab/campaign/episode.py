@@ -15,6 +15,7 @@ from executive.assemble import Run, RunConfig
 from executive.configuration import PATIENCE
 from executive.errors import ExecutiveError
 from executive.faults import parse_fault
+from executive.files import legible
 from executive.lab.campaign.design import KEYS, Episode
 from executive.lab.campaign.scoring import Scorer, Strike, Tally
 from executive.lab.crew import Ended, Tell
@@ -211,7 +212,7 @@ def command(config: RunConfig) -> str:
         words += [name, str(value)] if value is not None else []
     words += [word for spec in config.faults for word in ("--fault", spec)]
     words += [] if eye is None else eye.words()
-    return shlex.join([*words, *(flag for flag, given in flags.items() if given)])
+    return legible(shlex.join([*words, *(flag for flag, given in flags.items() if given)]))
 
 
 def _which(episode: Episode) -> dict[str, Any]:

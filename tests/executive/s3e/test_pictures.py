@@ -182,7 +182,7 @@ def test_floating_point_from_black_to_white_is_read(tmp_path: Path) -> None:
 def test_what_has_no_known_black_and_white_is_refused(tmp_path: Path, values: npt.NDArray[Any]) -> None:
     file = tmp_path / "picture"
     file.write_bytes(encoded(Picture.fromarray(values), "TIFF"))
-    with pytest.raises(InputError, match="has (floating-point )?values from") as raised:
+    with pytest.raises(InputError, match=r"has (floating-point )?values from") as raised:
         read_picture(file)
     assert raised.value.file == file
 
