@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
+from itertools import chain, repeat
 from pathlib import Path
 
 STYLE = Path(__file__).with_name("page.css")
@@ -41,11 +43,28 @@ def tiles(shown: Iterable[tuple[str, str]]) -> str:
     return f'<div class="tiles">{each}</div>'
 
 
-def table(heads: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table; cells are HTML already."""
-    head = "".join(f"<th>{escape(each)}</th>" for each in heads)
-    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
-    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
+def prose(text: str) -> str:
+    """Text in which backticks are around code, as HTML."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
+
+
+def table(heads: Iterable[str], rows: Iterable[Sequence[str]], texts: int = 1, grouped: bool = False) -> str:
+    """A table; cells are HTML already. The first `texts` columns are text, the others numbers; in one that is
+    `grouped`, a line stands between rows whose first cells differ."""
+
+    def row(kind: str, cells: Iterable[str], mark: str = "") -> str:
+        starts = [f'<{kind} class="text">'] * texts
+        told = (
+            f"{start}{cell}</{kind}>" for start, cell in zip(chain(starts, repeat(f"<{kind}>")), cells, strict=False)
+        )
+        return f"<tr{mark}>{''.join(told)}</tr>"
+
+    lines, before = [row("th", map(escape, heads))], None
+    for cells in rows:
+        is_new = grouped and before not in (None, cells[0])
+        lines.append(row("td", cells, ' class="gap"' * is_new))
+        before = cells[0]
+    return f'<div class="wide"><table>{"".join(lines)}</table></div>'
 
 
 def figure(heading: str, text: str, png: bytes) -> str:

@@ -9,8 +9,8 @@ from html import escape
 from executive.lab import pages
 from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.plots import MISTAKEN, end_of
-from executive.lab.campaign.results import HOW, METRICS, Results, succeeded
-from executive.lab.campaign.tables import by_place, cells_of, head, heads
+from executive.lab.campaign.results import HOW, METRICS, NO_VALUE, Cell, Results
+from executive.lab.campaign.tables import by_place, head, heads, value_of
 
 LISTED = 15
 """Episodes of each kind that are listed as worth a look."""
@@ -20,9 +20,8 @@ def page(results: Results, figures: Mapping[str, tuple[str, bytes]]) -> str:
     """The whole file; `figures` are heading -> (what is to be seen, PNG)."""
     manifest, rows = results.manifest, results.rows
     parts = [
-        f"<p>{escape(manifest['about'])}</p>" if manifest["about"] else "",
+        f"<p>{pages.prose(manifest['about'])}</p>" if manifest["about"] else "",
         pages.tags(_remarks(results)),
-        pages.tiles(_tiles(results)),
         *_tables(results),
         *(pages.figure(heading, text, png) for heading, (text, png) in figures.items()),
         _definitions(),
@@ -41,31 +40,40 @@ def _remarks(results: Results) -> list[str]:
     return [*said, f"{hours:.1f} hours of one core"]
 
 
-def _tiles(results: Results) -> list[tuple[str, str]]:
-    """Each contender's share of successes, over all conditions."""
-    made = []
-    for name in results.contenders[:6]:
-        rows = [row for cell in results.cells if cell.contender == name for row in cell.rows]
-        made.append((pages.share(sum(map(succeeded, rows)) / len(rows)), f"success, {escape(name)}"))
-    return made
-
-
 def _tables(results: Results) -> list[str]:
     parts = []
     for place, cells in by_place(results.cells).items():
-        rows = [[escape(text) for text in cells_of(cell)] for cell in cells]
-        parts += [f"<h2>{escape(place)}</h2><p>{escape(HOW)}</p>", pages.table(heads(), rows)]
+        rows = [
+            [escape(cell.faults), escape(cell.contender), f"{len(cell.rows):,}"]
+            + [_cell(*value_of(metric, cell)) for metric in METRICS]
+            for cell in cells
+        ]
+        parts += [
+            f"<h2>{escape(place)}</h2>",
+            _successes(cells),
+            f"<p>{escape(HOW)} {escape(NO_VALUE)}</p>",
+            pages.table(heads(), rows, texts=2, grouped=True),
+        ]
     return parts
 
 
+def _successes(cells: Sequence[Cell]) -> str:
+    """In large print what matters most: each contender's share of successes with each list of faults."""
+    faults = list(dict.fromkeys(cell.faults for cell in cells))
+    success, said = METRICS[0], dict[str, dict[str, str]]()
+    for cell in cells:
+        said.setdefault(cell.contender, {})[cell.faults] = _cell(*value_of(success, cell))
+    rows = [[escape(name), *(by_faults.get(each, pages.DASH) for each in faults)] for name, by_faults in said.items()]
+    return f'<div class="large">{pages.table([head(success), *faults], rows)}</div>'
+
+
+def _cell(value: str, interval: str) -> str:
+    return f"{escape(value)}<small>{escape(interval)}</small>" if interval else escape(value)
+
+
 def _definitions() -> str:
-    rows = "".join(
-        f'<tr><td>{escape(head(metric))}</td><td class="prose">{escape(metric.definition)}</td>'
-        f"<td>{metric.interval}</td></tr>"
-        for metric in METRICS
-    )
-    top = "<tr><th>metric</th><th>what it is</th><th>interval</th></tr>"
-    return f'<h2>What the metrics are</h2><div class="wide"><table>{top}{rows}</table></div>'
+    rows = [[escape(head(metric)), escape(metric.definition), metric.interval] for metric in METRICS]
+    return f"<h2>What the metrics are</h2>{pages.table(('metric', 'what it is', 'interval'), rows, texts=3)}"
 
 
 def _listed(heading: str, rows: Sequence[Row]) -> str:

@@ -14,6 +14,7 @@ from executive.lab.campaign.bench import read_manifest
 from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.intervals import RESAMPLES, Interval, bootstrap, wilson
 from executive.lab.campaign.rows import read_rows
+from executive.lab.pages import DASH
 from executive.types import OutcomeKind
 
 
@@ -28,6 +29,8 @@ class Metric:
     of: Callable[[Row], float | None]
     share: bool = True
     unit: str = ""
+    of_looks: bool = False
+    """Whether there is none to be had for one that does not look."""
 
     @property
     def interval(self) -> str:
@@ -67,6 +70,7 @@ METRICS = (
         "Success, of the episodes in which at least one fault struck. One that does not look has none: it can notice "
         "no fault, and where it succeeds all the same, the fault did no harm.",
         lambda row: float(succeeded(row)) if row.strikes and row.looks else None,
+        of_looks=True,
     ),
     Metric(
         "false_success",
@@ -81,6 +85,7 @@ METRICS = (
         "Of the episodes with an action whose outcome was looked at and was in truth as expected: after at least one "
         "of these actions it was taken to be otherwise, all looks at it considered.",
         lambda row: float(row.alarms > 0) if row.quiet else None,
+        of_looks=True,
     ),
     Metric(
         "missed",
@@ -88,6 +93,7 @@ METRICS = (
         "Of the episodes with an action whose outcome was looked at and was in truth not as expected: after at least "
         "one of these actions nothing of that was noticed.",
         lambda row: float(row.missed > 0) if row.failed else None,
+        of_looks=True,
     ),
     Metric(
         "lost",
@@ -118,6 +124,7 @@ METRICS = (
         _delay,
         share=False,
         unit="s",
+        of_looks=True,
     ),
     Metric(
         "time",
@@ -134,6 +141,9 @@ HOW = (
     "Every number has a 95 % interval in brackets. That of a share is Wilson's; that of a mean over episodes is a "
     f"percentile bootstrap with {RESAMPLES:,} resamples of the episodes, and has no width where all of them say the "
     "same. An episode that could not be played to an end (failed) is no success, and counts for nothing else."
+)
+NO_VALUE = (
+    f"n/a: there is none to be had, for who does not look can notice nothing. {DASH}: no episode says anything of it."
 )
 
 
@@ -159,6 +169,12 @@ class Cell(NamedTuple):
     @property
     def contender(self) -> str:
         return contender(self.estimator, self.monitor)
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether nobody looked in any of its episodes that could be played."""
+        played = [row for row in self.rows if row.outcome != FAILED]
+        return bool(played) and not any(row.looks for row in played)
 
     @property
     def condition(self) -> tuple[str, str, str]:

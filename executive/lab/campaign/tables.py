@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from executive.lab.campaign.compare import HOW as PAIRED
 from executive.lab.campaign.compare import Paired, Side
 from executive.lab.campaign.intervals import Interval
-from executive.lab.campaign.results import HOW, METRICS, Cell, Metric, Results, Value
+from executive.lab.campaign.results import HOW, METRICS, NO_VALUE, Cell, Metric, Results
 from executive.lab.pages import DASH
 
 
@@ -23,7 +23,7 @@ def markdown(results: Results) -> str:
     left = manifest["episodes"] - len(rows)
     parts += [f"{left:,} of {manifest['episodes']:,} episodes are missing." if left else ""]
     parts += ["\n".join(f"- **{head(metric)}** ({metric.interval}): {metric.definition}" for metric in METRICS)]
-    parts += [HOW, f"    {manifest['command']}"]
+    parts += [HOW, NO_VALUE, f"    {manifest['command']}"]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -48,13 +48,16 @@ def head(metric: Metric) -> str:
 
 def cells_of(cell: Cell) -> list[str]:
     """A line of such a table."""
-    said = [value_of(metric, cell.values[metric.name]) for metric in METRICS]
+    said = [f"{value} {interval}".rstrip() for value, interval in (value_of(metric, cell) for metric in METRICS)]
     return [cell.faults, cell.contender, f"{len(cell.rows):,}", *said]
 
 
-def value_of(metric: Metric, value: Value) -> str:
-    """A value with its interval."""
-    return DASH if value.value is None else _number(metric, value.value) + _interval(metric, value.interval)
+def value_of(metric: Metric, cell: Cell) -> tuple[str, str]:
+    """A value, or what stands in its place, and its interval."""
+    value, interval, _ = cell.values[metric.name]
+    if value is None:
+        return ("n/a" if metric.of_looks and cell.is_blind else DASH), ""
+    return _number(metric, value), _interval(metric, interval).strip()
 
 
 def compared(comparisons: Sequence[tuple[Side, Side, Sequence[Paired]]]) -> str:

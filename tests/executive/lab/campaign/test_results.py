@@ -23,7 +23,8 @@ from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.intervals import bootstrap, mcnemar, wilson
 from executive.lab.campaign.results import METRICS, Results, load_results, results, value
 from executive.lab.campaign.scoring import Strike
-from executive.lab.campaign.tables import heads, markdown
+from executive.lab.campaign.tables import heads, markdown, value_of
+from executive.lab.pages import DASH
 from tests.executive.lab.campaign.players import FAULTS, Here, campaign, play
 
 METRIC = {metric.name: metric for metric in METRICS}
@@ -84,6 +85,19 @@ def test_recovery_is_of_the_episodes_that_were_struck() -> None:
     assert measured("recovery", *rows) == (0.5, 2)
     assert measured("recovery", rows[0]) == (None, 0)
     assert measured("recovery", row(strikes=struck, looks=0)) == (None, 0), "one that does not look cannot recover"
+
+
+def test_what_one_that_does_not_look_cannot_have_is_said_so() -> None:
+    struck = (Strike("drop", "drop@2", 2, 3.0),)
+    blind = row(estimator="none", outcome="plan-completed", goal_seen=False, strikes=struck, looks=0, quiet=0)
+    looks = row(strikes=struck, quiet=0)
+    told = results(manifest(), [replace(blind, faults=name) for name in FAULTS] + [replace(looks, faults="none")])
+    cells = {(cell.contender, cell.faults): cell for cell in told.cells}
+    assert value_of(METRIC["recovery"], cells["none", "none"]) == ("n/a", "")
+    assert value_of(METRIC["false_alarm"], cells["none", "none"]) == ("n/a", "")
+    assert value_of(METRIC["success"], cells["none", "none"]) == ("100", "[21, 100]")
+    assert value_of(METRIC["recovery"], cells["oracle", "none"]) == ("100", "[21, 100]")
+    assert value_of(METRIC["false_alarm"], cells["oracle", "none"]) == (DASH, "")
 
 
 def test_alarms_and_misses_are_of_the_episodes_that_could_have_them() -> None:
