@@ -74,7 +74,8 @@ def decided(decision: Decision) -> list[str]:
 
 
 def _ground(ground: Ground) -> str:
-    believed = "cannot be told" if ground.believed is None else f"is {truth(ground.believed)}"
+    assumed = "assumed to be " if ground.observation_id < 0 and ground.probability is None else ""
+    believed = "cannot be told" if ground.believed is None else f"is {assumed}{truth(ground.believed)}"
     expected = "" if ground.expected is None else f" (expected {truth(ground.expected)})"
     probability = "" if ground.probability is None else f", P {ground.probability:.2f}"
     where = f", by look {ground.observation_id}" if ground.observation_id >= 0 else ""

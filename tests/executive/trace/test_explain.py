@@ -54,6 +54,13 @@ def test_what_went_wrong_is_told_with_what_it_was_decided_on() -> None:
     assert "at(a,q) is false (expected true), P 0.00, by look 2" in text
 
 
+def test_what_nobody_looked_at_is_told_as_assumed() -> None:
+    text = "\n".join(explain(played(blind=True).recorder.events))
+    assert "plan-completed" in text
+    assert "at(b,r) is assumed to be true (expected true)" in text
+    assert "is true" not in text
+
+
 @pytest.mark.parametrize("looks", [{}, {3: {at("b", "r"): None}}, {5: {at("a", "q"): 0.0}}])
 def test_every_decision_that_is_no_routine_is_told_with_its_reason(looks: dict[int, object]) -> None:
     stage = played(looks=looks)
