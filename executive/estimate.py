@@ -200,19 +200,6 @@ def tell_video(
     return answered
 
 
-def check_out(out: Path) -> None:
-    """Whether there is, or can be made, a folder for a video's plot and recording: known before a model is loaded.
-
-    Raises:
-        InputError: there is something else in its place, or in its way.
-    """
-    there = next(folder for folder in (out, *out.absolute().parents) if os.path.lexists(folder))
-    if not os.path.isdir(there):
-        raise InputError("is no folder", file=there, key="--out")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError("may not be written to", file=there, key="--out")
-
-
 class _Changes:
     """What changed since the last frame, in words."""
 

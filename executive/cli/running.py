@@ -34,7 +34,7 @@ from executive.cli.options import (
     eye_config,
 )
 from executive.errors import InputError
-from executive.files import reason
+from executive.files import check_writable, reason
 from executive.types import OutcomeKind
 
 if TYPE_CHECKING:
@@ -253,6 +253,8 @@ def inspect(
 
     if png is not None and not os.path.isdir(png.parent):
         raise InputError("there is no such folder", file="--png", key=str(png.parent))
+    if png is not None:
+        check_writable(png.parent, "--png")
     with waiting(sys.stderr, "reading the events"):
         ensure_trace(folder)
     if png is None:

@@ -29,6 +29,7 @@ from executive.cli.options import (
     eye_config,
 )
 from executive.errors import InputError
+from executive.files import check_writable
 
 
 def estimate(
@@ -78,7 +79,7 @@ def estimate(
     elif cameras:
         raise InputError("chooses among several pictures; a video has one", key="--cameras")
     else:
-        estimating.check_out(out)
+        check_writable(out, "--out")
     session = estimating.Session(domain, problem, config, atoms or (), question or ())
     for warning in session.warnings:
         print(f"warning: {one_line(warning)}", file=sys.stderr)

@@ -97,6 +97,22 @@ def test_a_run_that_could_write_nothing_says_so_before_it_loads_anything(runs: s
     assert ended.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize("command", ["inspect run --png /sys/x.png", "estimate grocery --video clip.gif --out /sys/x"])
+def test_what_could_not_be_written_is_said_before_it_is_made(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def too_late(*_: object, **__: object) -> None:
+        raise AssertionError("it is done, for nothing")
+
+    monkeypatch.setattr("executive.estimate.Session", too_late)
+    monkeypatch.setattr("executive.trace.screenshot.screenshot", too_late)
+    monkeypatch.setattr("executive.s3e.video.read_frames", lambda video, every: iter(()))
+    shutil.copytree("runs/example", tmp_path / "run")
+    monkeypatch.chdir(tmp_path)
+    assert cli.exit_code(command.split()) == cli.BAD_INPUT
+    assert f"{command.split()[-2]}: nothing can be written there" in capsys.readouterr().err
+
+
 @pytest.fixture
 def nameless(tmp_path: Path) -> Path:
     """A folder whose name is no UTF-8."""

@@ -57,8 +57,8 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["--image", "{here}"], "is a folder; wanted a picture"),
         (["--video", "{here}/text.png"], "text.png: is no video"),
         (["--video", "{clip}", "--every", "0"], "--every: expected seconds"),
-        (["--video", "{clip}", "--out", "{dark}"], "dark.png: --out: is no folder"),
-        (["--video", "{clip}", "--out", "{dark}/below"], "dark.png: --out: is no folder"),
+        (["--video", "{clip}", "--out", "{dark}"], "dark.png: --out: nothing can be written there"),
+        (["--video", "{clip}", "--out", "{dark}/below"], "below: --out: nothing can be written there"),
         (["--video", "{clip}", "--cameras", "front"], "--cameras: chooses among several pictures"),
         (["--image", "{dark}", "--cameras", "light"], "--cameras: there is no camera 'light'; valid: dark"),
         (
