@@ -28,12 +28,12 @@ from executive.faults import (
     faulty_world,
     parse_fault,
 )
-from executive.limits import punctual_estimator, punctual_planner, punctual_skills
+from executive.limits import punctual_estimator, punctual_planner, punctual_preparing, punctual_skills
 from executive.loop import Executive
 from executive.monitoring import open_monitor
 from executive.past import Past
 from executive.planning import FastDownwardPlanner
-from executive.protocols import Estimator, Planner, Recalling, Sink, Skill
+from executive.protocols import Estimator, Planner, Preparing, Recalling, Sink, Skill
 from executive.session import INTERRUPTED
 from executive.trace import monitors
 from executive.trace.events import EventLog
@@ -177,11 +177,13 @@ class Run:
         course = self._go_on()
         estimator, initial = _eye(self.domain, config, self.truth, seeing)
         faults = FaultInjector(injected, self.world, config.seed)
+        skills, moves = load_skills(self.domain), load_moves(self.domain)
+        preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
         return Executive(
             self.domain.task,
             punctual_planner(faulty_planner(self._fitting(planner), faults), config.patience),
             faulty_world(self.world, faults),
-            punctual_skills(faulty_skills(load_skills(self.domain), faults), config.patience, left=self._left),
+            punctual_skills(faulty_skills(skills, faults), config.patience, left=self._left),
             None
             if estimator is None
             else punctual_estimator(faulty_estimator(estimator, faults), config.patience, self._left),
@@ -193,8 +195,9 @@ class Run:
             run=self.folder.name,
             monitor=self.monitor,
             attention=load_attention(self.domain, self.world, () if config.eye is None else config.eye.cameras),
-            moves=load_moves(self.domain),
+            moves=moves,
             course=course,
+            prepare=punctual_preparing(preparing, self._left),
         )
 
     def _left(self) -> float:

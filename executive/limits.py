@@ -12,11 +12,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, TypeAlias
 
 from executive.alarm import LateError, within
-from executive.protocols import Asking, Estimator, Planner, Skill, SkillContext
+from executive.protocols import Asking, Estimator, Planner, Preparing, Skill, SkillContext, Tell
 from executive.types import (
     Atom,
     Belief,
@@ -62,6 +63,20 @@ def punctual_skills(
 ) -> dict[str, Skill]:
     """The skills, which are asked to stop after so many wall seconds, and ended if they do not, and have timed out."""
     return {action: _Skill(skill, seconds, grace, left) for action, skill in skills.items()}
+
+
+def punctual_preparing(parts: Sequence[Preparing], left: Left) -> list[Preparing]:
+    """The parts, which are no longer made ready once the run has no time left."""
+    return [_Preparing(part, left) for part in parts]
+
+
+class _Preparing:
+    def __init__(self, part: Preparing, left: Left) -> None:
+        self._part, self._left = part, left
+
+    def prepare(self, tell: Tell) -> None:
+        with suppress(LateError):  # the run is over, and the loop says so
+            within(self._left(), lambda: self._part.prepare(tell))
 
 
 class _Estimator:

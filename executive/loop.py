@@ -8,7 +8,7 @@ step that was dispatched; a cycle whose step could not begin has none.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 
 from executive import policy
@@ -19,7 +19,7 @@ from executive.errors import InputError
 from executive.looking import Looker
 from executive.monitor import Monitor, PlainMonitor
 from executive.policy import Settings, Try
-from executive.protocols import Estimator, FaultSource, Planner, Sink, Skill, World
+from executive.protocols import Estimator, FaultSource, Planner, Preparing, Sink, Skill, World
 from executive.session import Session
 from executive.types import (
     Atom,
@@ -56,6 +56,7 @@ class Executive:
         monitor: what is made of the looks; without one, each answer is taken at its word.
         attention, moves: where to look for what, and skills that clear the view, by name, the mildest first.
         course: how the run stands, where another process began it.
+        prepare: what has to be made ready before the first look.
         domain, run: names for the trace.
 
     Raises:
@@ -79,11 +80,13 @@ class Executive:
         attention: Attention | None = None,
         moves: Mapping[str, Skill] | None = None,
         course: Course | None = None,
+        prepare: Iterable[Preparing] = (),
     ) -> None:
         if estimator is None and initial is None:
             raise InputError("an executive that does not look (it has no estimator) must be told the initial facts")
         self.planner, self.world, self.skills, self.estimator = planner, world, skills, estimator
         self.settings, self.domain, self.name = settings or Settings(), domain, run
+        self._prepare = prepare
         monitor, attention = monitor or PlainMonitor(task.atoms), attention or Attention()
         self.course = course or Course(task, task.goal, Facts() if estimator else initial or Facts(), monitor.begin())
         self._session = Session(sinks, world, self.settings.seed, faults, lambda: self.course.cycle)
@@ -120,6 +123,7 @@ class Executive:
         eye, task, settings = self.estimator.name if self.estimator else "none", self.course.task, self.settings
         started = Started(self.name, self.domain, task, eye, settings.seed, asdict(settings))
         self._session.open(self.course.since or started, self.estimator)
+        self._session.prepare(self._prepare)
         decision = self._first_look()
         while decision.kind is not DecisionKind.STOP:
             self._session.heed()

@@ -136,6 +136,19 @@ class Skill(Protocol):
     def __call__(self, step: Step, context: SkillContext) -> SkillResult: ...
 
 
+Tell = Callable[[str], None]
+"""Is told, in a few words, what is waited for."""
+
+
+@runtime_checkable
+class Preparing(Protocol):
+    """A skill that has to be made ready once on a machine, which may take a minute: before a run's first look."""
+
+    def prepare(self, tell: Tell) -> None:
+        """Make it ready; at once where it is. What it takes time for is told as soon as that is known."""
+        ...
+
+
 @runtime_checkable
 class Sink(Protocol):
     """Watches a run. It feeds nothing back; an exception in a sink never changes what the robot does."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -16,8 +16,9 @@ import numpy as np
 from executive.alarm import undisturbed
 from executive.errors import ExecutiveError
 from executive.guard import Guard
-from executive.protocols import Asking, Estimator, FaultSource, Sink, Skill, SkillContext, World
+from executive.protocols import Asking, Estimator, FaultSource, Preparing, Sink, Skill, SkillContext, World
 from executive.types import (
+    COMPILE,
     Decision,
     DecisionKind,
     Dispatched,
@@ -87,6 +88,21 @@ class Session:
             self.emit(asking.questions)
         self.emit(self._world.scenery())
         self._world.watch(self.emit)
+
+    def prepare(self, parts: Iterable[Preparing]) -> None:
+        """Have what needs it made ready. What takes time for it is told of before, and counts as a stage of its own."""
+        for part in parts:
+            self.heed()
+            told: list[str] = []
+
+            def tell(what: str, told: list[str] = told) -> None:
+                told.append(what)
+                self.emit(Phase(COMPILE, what))
+
+            self._stage, start = COMPILE, time.monotonic()
+            part.prepare(tell)
+            if told:
+                self.emit(Timing(COMPILE, time.monotonic() - start))
 
     def emit(self, payload: Payload) -> None:
         """Deliver an event to every sink, stamped with the cycle and both clocks."""

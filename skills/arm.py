@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from functools import update_wrapper
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from executive.errors import InputError
-from executive.protocols import SkillContext
+from executive.protocols import Skill, SkillContext, Tell
 from executive.sim.handle import Handle
 from executive.types import FloatArray, Motion, Phase, Sense, SkillResult, SkillStatus, Step
-from skills import poses, trajectory
+from skills import poses, sweep, trajectory
 from skills.collision import CollisionModel, Held
 from skills.ik import Kinematics
 from skills.motion import MotionPlanner, Path
@@ -75,6 +76,20 @@ def arm_of(handle: Handle) -> Arm:
     if handle not in _ARMS:
         _ARMS[handle] = Arm(handle)
     return _ARMS[handle]
+
+
+class ArmSkill:
+    """A skill that moves the arm: what it calls is compiled before it is first needed."""
+
+    def __init__(self, skill: Skill) -> None:
+        self._skill = skill
+        update_wrapper(self, skill)
+
+    def __call__(self, step: Step, context: SkillContext) -> SkillResult:
+        return self._skill(step, context)
+
+    def prepare(self, tell: Tell) -> None:
+        sweep.ready(tell)
 
 
 class Attempt:

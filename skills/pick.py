@@ -9,7 +9,7 @@ import numpy as np
 from executive.protocols import SkillContext
 from executive.types import FloatArray, Sense, SkillResult, SkillStatus, Step
 from skills import grasps, poses
-from skills.arm import Attempt, SkillError, go_home, perform
+from skills.arm import ArmSkill, Attempt, SkillError, go_home, perform
 from skills.collision import Held
 
 _APPROACH = np.linspace(0.09, 0.0, 7)
@@ -35,6 +35,7 @@ class _Reach:
     cost: float
 
 
+@ArmSkill
 def pick(step: Step, context: SkillContext) -> SkillResult:
     """Grasp `item` from `table` from above and lift it; with a home pose, carry it there.
 

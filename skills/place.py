@@ -11,7 +11,7 @@ from executive.protocols import SkillContext
 from executive.sim import footprint
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 from skills import grasps, poses
-from skills.arm import CARRYING, Attempt, SkillError, go_home, perform, withdraw
+from skills.arm import CARRYING, ArmSkill, Attempt, SkillError, go_home, perform, withdraw
 from skills.collision import Held
 
 _LOWER = np.linspace(0.10, 0.0, 8)
@@ -32,6 +32,7 @@ class _Descent:
     cost: float
 
 
+@ArmSkill
 def place(step: Step, context: SkillContext) -> SkillResult:
     """Put `item`, which the hand holds, on a free spot of `table`; with a home pose, go there afterwards.
 

@@ -17,15 +17,44 @@ one and a box around the other.
 from __future__ import annotations
 
 import math
+import os
+import stat
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
+from numba.core import event
 
 from executive.types import FloatArray
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+
+
+def _can_keep() -> bool:
+    """Whether numba can keep what it compiles: where it does so by itself (beside this file, or in the user's cache),
+    or else in a folder among the temporary ones that nobody else may write to."""
+    try:
+        numba.njit(cache=True)(_can_keep)
+        return True
+    except RuntimeError:  # it has found no folder that can be written to
+        folder = Path(tempfile.gettempdir()) / f"executive-compiled-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        about = folder.lstat()
+    except OSError:
+        return False
+    if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.getuid() or about.st_mode & 0o077:
+        return False  # what is in there would be run
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    return True
+
+
+KEPT = _can_keep()
+"""Whether what is compiled here is there in the next process, too."""
 
 _EXACT = 1e-6
 """m between the bounds at which the distance counts as found."""
@@ -37,7 +66,7 @@ _SIMPLEX, _FACE = 6, 10
 """Rows to work in: four for the corners of the simplex, three for those of one of its faces."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def clear(
     points: FloatArray,
     spans: IntArray,
@@ -106,7 +135,7 @@ def clear(
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def all_clear(
     points: FloatArray,
     spans: IntArray,
@@ -127,8 +156,32 @@ def all_clear(
     return result
 
 
-def ready() -> None:
-    """Have everything here compiled and kept, so that no run waits for it: seconds once, after an installation."""
+class _Compiling(event.Listener):
+    """Says so when the first of all is compiled; what is kept from before is not."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell, self._told = tell, False
+
+    def on_start(self, event: event.Event) -> None:
+        if not self._told:
+            self._told = True
+            self._tell(f"the check for collisions{', once on this machine' if KEPT else ''}")
+
+    def on_end(self, event: event.Event) -> None:
+        pass
+
+
+def ready(tell: Callable[[str], None] = lambda what: None) -> None:
+    """Have everything here compiled and kept, so that no action waits for it: once, after an installation.
+
+    Args:
+        tell: is told what is waited for, where there is something to compile.
+    """
+    with event.install_listener("numba:compile", _Compiling(tell)):
+        _call_everything()
+
+
+def _call_everything() -> None:
     points, spans, bounds = np.zeros((3, 8)), np.array([[0, 0, 4], [0, 4, 4]]), np.zeros((2, 10))
     reach, groups, pairs = np.zeros((2, 1)), np.zeros((0, 5), dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
     chain, quiet, q = np.zeros((1, 18)), np.zeros((0, 1), dtype=np.bool_), np.zeros((1, 1))
@@ -141,7 +194,7 @@ def ready() -> None:
     arrange(chain, q[0], q[0], 0, 0, np.zeros((1, 2, 12)))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _stay_clear(
     points: FloatArray,
     spans: IntArray,
@@ -194,7 +247,7 @@ def _stay_clear(
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _all_quiet(quiet: BoolArray, row: int, start: float, goal: float) -> bool:
     """Whether a row says so of all parts of a turn, in rad, that are gone through."""
     parts = quiet.shape[1]
@@ -206,7 +259,7 @@ def _all_quiet(quiet: BoolArray, row: int, start: float, goal: float) -> bool:
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _travels(reach: FloatArray, spans: IntArray, start: FloatArray, goal: FloatArray, steps: int) -> FloatArray:
     """How far, in m, any point of each hull moves in one step at most, seen from each link below its own, (G, J + 1);
     a little above zero where it does not, so that it can be divided by."""
@@ -220,7 +273,7 @@ def _travels(reach: FloatArray, spans: IntArray, start: FloatArray, goal: FloatA
     return travels
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def arrange(chain: FloatArray, start: FloatArray, goal: FloatArray, steps: int, at: int, frames: FloatArray) -> None:
     """Where the links are in the world after `at` steps, into row `at` of `frames`."""
     share = at / max(1, steps)
@@ -248,7 +301,7 @@ def arrange(chain: FloatArray, start: FloatArray, goal: FloatArray, steps: int, 
             frames[at, j + 1, 9 + i] = a * px + b * py + c * pz + d + frames[at, j, 9 + i]
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@numba.njit(cache=KEPT, error_model="numpy", inline="always")
 def _away(frames: FloatArray, bounds: FloatArray, at: int, link: int, other: int, a: int, b: int) -> float:
     """How far the ball around hull b, on link `other`, is at least from the box around hull a, on `link`."""
     x, y, z = bounds[b, 0], bounds[b, 1], bounds[b, 2]
@@ -265,7 +318,7 @@ def _away(frames: FloatArray, bounds: FloatArray, at: int, link: int, other: int
     return math.sqrt(u * u + v * v + w * w) - float(bounds[b, 3])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _way(
     frames: FloatArray, bounds: FloatArray, at: int, low: int, high: int, a: int, b: int, turned: bool, room: FloatArray
 ) -> None:
@@ -294,7 +347,7 @@ def _way(
         room[4, i] = frames[at, low, i] * p + frames[at, low, 3 + i] * q + frames[at, low, 6 + i] * r
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@numba.njit(cache=KEPT, error_model="numpy", inline="always")
 def _relative(frames: FloatArray, at: int, low: int, high: int, room: FloatArray) -> None:
     """The frame of link `high` as link `low` sees it, into rows 0 to 3 of `room`: rotation and position."""
     x = frames[at, high, 9] - frames[at, low, 9]
@@ -307,7 +360,7 @@ def _relative(frames: FloatArray, at: int, low: int, high: int, room: FloatArray
         room[3, i] = u * x + v * y + w * z
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def distances(points: FloatArray, corners: FloatArray, found: FloatArray) -> None:
     """How far each of the points (N, 3) is from the hull of `corners` (M, 3), M a multiple of four, in m: into `found`
     (N,)."""
@@ -330,7 +383,7 @@ def distances(points: FloatArray, corners: FloatArray, found: FloatArray) -> Non
         found[point] = separation(both, spans, 0, 1, 0.0, np.inf, 1e-9, room)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def separation(
     points: FloatArray,
     spans: IntArray,
@@ -384,7 +437,7 @@ def separation(
     return best
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@numba.njit(cache=KEPT, error_model="numpy", inline="always")
 def _farthest(points: FloatArray, first: int, count: int, x: float, y: float, z: float) -> int:
     """The corner of a hull that is farthest in a direction. Four runners, so that no comparison waits for the last."""
     top, a = -1e30, first
@@ -411,7 +464,7 @@ def _farthest(points: FloatArray, first: int, count: int, x: float, y: float, z:
     return a
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _nearest(s: FloatArray, count: int) -> tuple[int, float, float, float]:
     """The point of the simplex, `count` rows from `_SIMPLEX` on, that is nearest to the origin. It is cut down to the
     corners that the point lies between; four corners are left only where the origin is inside."""
@@ -424,12 +477,12 @@ def _nearest(s: FloatArray, count: int) -> tuple[int, float, float, float]:
     return _in_tetrahedron(s)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _move(s: FloatArray, start: int, end: int) -> None:
     s[end, 0], s[end, 1], s[end, 2] = s[start, 0], s[start, 1], s[start, 2]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _on_segment(s: FloatArray, o: int) -> tuple[int, float, float, float]:
     x, y, z = s[o + 1, 0] - s[o, 0], s[o + 1, 1] - s[o, 1], s[o + 1, 2] - s[o, 2]
     along = -(s[o, 0] * x + s[o, 1] * y + s[o, 2] * z)
@@ -443,7 +496,7 @@ def _on_segment(s: FloatArray, o: int) -> tuple[int, float, float, float]:
     return 2, s[o, 0] + share * x, s[o, 1] + share * y, s[o, 2] + share * z
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _on_triangle(s: FloatArray, o: int) -> tuple[int, float, float, float]:
     abx, aby, abz = s[o + 1, 0] - s[o, 0], s[o + 1, 1] - s[o, 1], s[o + 1, 2] - s[o, 2]
     acx, acy, acz = s[o + 2, 0] - s[o, 0], s[o + 2, 1] - s[o, 1], s[o + 2, 2] - s[o, 2]
@@ -481,7 +534,7 @@ _FACES: IntArray = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 3, 2,
 """The corners of each face of a tetrahedron, and the one opposite."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _in_tetrahedron(s: FloatArray) -> tuple[int, float, float, float]:
     best, count, kept, x, y, z = 1e30, 4, 0, 0.0, 0.0, 0.0
     for row in range(4):
@@ -514,7 +567,7 @@ def _in_tetrahedron(s: FloatArray) -> tuple[int, float, float, float]:
     return count, x, y, z
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=KEPT, error_model="numpy")
 def _copy(s: FloatArray, face: int) -> None:
     for corner in range(3):
         _move(s, _SIMPLEX + _FACES[face, corner], _FACE + corner)

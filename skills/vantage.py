@@ -12,7 +12,7 @@ import numpy as np
 
 from executive.protocols import SkillContext
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
-from skills.arm import CARRYING, Attempt, SkillError, go_home, perform
+from skills.arm import CARRYING, ArmSkill, Attempt, SkillError, go_home, perform
 
 _THERE = 0.02
 """rad; a joint that is this near to where it belongs need not move."""
@@ -28,6 +28,7 @@ _ACROSS = (-0.4, -0.2, 0.0, 0.2, 0.4)
 """Where on a table to look, as shares of its sides from its centre."""
 
 
+@ArmSkill
 def home(step: Step, context: SkillContext) -> SkillResult:
     """Go to the home pose. It takes no time where the arm is there already.
 
@@ -36,6 +37,7 @@ def home(step: Step, context: SkillContext) -> SkillResult:
     return perform(step, context, _home)
 
 
+@ArmSkill
 def aside(step: Step, context: SkillContext) -> SkillResult:
     """Move to a pose near by that hides less of the tables among the step's arguments (of all, if none is among them)
     from the cameras. It takes no time where the arm hides nothing, or nothing near by is better.

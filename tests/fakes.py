@@ -22,7 +22,7 @@ from executive.loop import Executive
 from executive.monitor import FusedMonitor, Monitor, Network, PlainMonitor, Thresholds
 from executive.monitor.groups import Group
 from executive.policy import Settings
-from executive.protocols import FaultSource, Skill, SkillContext
+from executive.protocols import FaultSource, Preparing, Skill, SkillContext
 from executive.types import (
     Atom,
     Belief,
@@ -457,6 +457,7 @@ class Stage:
         self.faults: FaultSource | None = None
         self.monitor: Monitor = PlainMonitor(self.task.atoms, self.thresholds)
         self.moves: dict[str, Skill] = {}
+        self.prepare: list[Preparing] = []
 
     def executive(self) -> Executive:
         return Executive(
@@ -474,6 +475,7 @@ class Stage:
             monitor=self.monitor,
             attention=self.attention,
             moves=self.moves,
+            prepare=self.prepare,
         )
 
     def play(self) -> Ended:

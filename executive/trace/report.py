@@ -13,6 +13,7 @@ from executive.trace.story import Story
 from executive.trace.terminal_view import outcome_style
 from executive.trace.whole import write_whole
 from executive.types import (
+    COMPILE,
     Decision,
     DecisionKind,
     Event,
@@ -30,9 +31,10 @@ if TYPE_CHECKING:
 
 SUMMARY_FILE = "summary.json"
 _LABEL = 10
-STAGES = ("observe", "estimate", "plan", "motion", "guard", "skill", "other")
+STAGES = ("observe", "estimate", "plan", "motion", "guard", "skill", COMPILE, "other")
 """Where wall time goes: looking, estimating atoms, planning the task, planning motions, looking after what is carried,
-the rest of the skills (in a simulator, its physics), and all else (start-up, decisions, sinks)."""
+the rest of the skills (in a simulator, its physics), compiling what they need (once on a machine), and all else
+(start-up, decisions, sinks)."""
 
 
 class Fault(TypedDict):

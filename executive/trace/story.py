@@ -13,6 +13,7 @@ from typing import TypeAlias
 
 from executive.trace.look_line import Looks
 from executive.types import (
+    COMPILE,
     Atom,
     Belief,
     Blinded,
@@ -36,6 +37,7 @@ from executive.types import (
     SkillResult,
     Started,
     Step,
+    Timing,
 )
 
 Remark: TypeAlias = FaultInjected | Decision | NoPlan | Contradiction | Guarded | Blinded | Moved | Resumed
@@ -103,6 +105,8 @@ class Story:
     plans: list[PlanLine] = field(default_factory=list)
     no_plan: NoPlan | None = None
     phase: str = ""
+    compiling: str = ""
+    """What is made ready at this moment."""
     probability: dict[Atom, float] = field(default_factory=dict)
     compared: Compared | None = None
     compared_step: Step | None = None
@@ -201,8 +205,11 @@ class Story:
                 self._remark(no_plan)
             case Dispatched() as dispatched:
                 self._dispatch(dispatched)
-            case Phase(name=name):
+            case Phase(name=name, detail=detail):
                 self.phase = name
+                self.compiling = detail if name == COMPILE else ""
+            case Timing(stage=stage) if stage == COMPILE:
+                self.phase = self.compiling = ""
             case FaultInjected() as fault:
                 self.faults.append((event, fault))
                 self._remark(fault)

@@ -10,6 +10,7 @@ from rich.text import Text
 from executive.trace.console import printable
 from executive.trace.story import Mark, PlanLine, Remark, Standing, StepLine, Story
 from executive.types import (
+    COMPILE,
     Blinded,
     Compared,
     Contradiction,
@@ -25,6 +26,7 @@ from executive.types import (
     NoPlan,
     Observation,
     OutcomeKind,
+    Phase,
     Plan,
     Questions,
     Resumed,
@@ -99,6 +101,8 @@ def event_line(event: Event, story: Story) -> Text | None:
         case Questions() if payload.warnings:
             more = f" (and {len(payload.warnings) - 1} more)" if len(payload.warnings) > 1 else ""
             text.append(f"questions, {payload.translator}: {payload.warnings[0]}{more}", "yellow")
+        case Phase(name=name, detail=detail) if name == COMPILE:
+            text.append(f"compiling {detail}", "cyan")
         case Observation() if not story.at_work:  # what the guard sees is told when there is something to it
             text.append(f"look {payload.id}: {payload.cause}" if payload.cause else f"look {payload.id}")
         case Plan():
@@ -145,7 +149,8 @@ def _plan_lines(story: Story, room: int) -> list[Text]:
     """The plan in at most `room` lines: the steps around the current one where there are more."""
     plan = story.plan
     if plan is None:
-        return [Text("planning" if story.probability else "looking at the world", "cyan")]
+        doing = f"compiling {story.compiling}" if story.compiling else "looking at the world"
+        return [Text("planning" if story.probability else doing, "cyan")]
     room -= 1
     lines, first = plan.lines, 0
     if len(lines) > room:

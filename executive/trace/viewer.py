@@ -44,6 +44,7 @@ from executive.trace.viewer_plan import Row, plan_graph, plan_rows
 from executive.trace.viewer_process import TRACE_FILE
 from executive.trace.viewer_scene import Scene
 from executive.types import (
+    COMPILE,
     Belief,
     Compared,
     Decision,
@@ -62,6 +63,7 @@ from executive.types import (
     Scenery,
     SkillResult,
     Started,
+    Timing,
 )
 
 APPLICATION = "executive"
@@ -151,6 +153,8 @@ class RerunSink:
                 self._fault.enter(payload.spec, PURPLE)
             case Motion():
                 self._scene.show_motion(payload)
+            case Timing() if payload.stage == COMPILE:
+                self._phase.leave()
             case SkillResult():
                 self._phase.leave()
             case Compared():

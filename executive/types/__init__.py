@@ -5,7 +5,7 @@ of each atom, a *verdict* is what an expectation becomes when a belief is held a
 """
 
 from executive.types.decisions import Decision, DecisionKind, Ground, OutcomeKind
-from executive.types.deeds import Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
+from executive.types.deeds import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
 from executive.types.events import Compared, Ended, Event, FaultInjected, Payload, Resumed, Revised, Started, Timing
 from executive.types.facts import Atom, Facts, FloatArray, Image
 from executive.types.looks import (
@@ -27,6 +27,7 @@ from executive.types.scenes import Camera, Frame, Geometry, Scenery
 from executive.types.tasks import NoPlan, NoPlanReason, Plan, Probed, Step, Task
 
 __all__ = [
+    "COMPILE",
     "Atom",
     "Belief",
     "Blinded",

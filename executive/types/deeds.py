@@ -61,9 +61,14 @@ class Dispatched:
     """Position in the current plan, from 0."""
 
 
+COMPILE = "compile"
+"""The phase, and the stage, in which skills are made ready, once on a machine."""
+
+
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """A skill enters a phase of its work (`plan`, `approach`, `grip`, `transfer`, ...), expected to last `seconds`."""
+    """A skill enters a phase of its work (`plan`, `approach`, `grip`, `transfer`, ...), expected to last `seconds`; or,
+    before the first look, `compile`."""
 
     name: str
     detail: str = ""

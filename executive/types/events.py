@@ -76,7 +76,8 @@ class Revised:
 @dataclass(frozen=True, slots=True)
 class Timing:
     """Wall seconds that the loop spent in one stage, sinks not counted: `observe`, `estimate`, `plan` or `skill`; of
-    the last, `guard` is the part that was spent on looking meanwhile."""
+    the last, `guard` is the part that was spent on looking meanwhile. `compile` is what skills are made ready by, once
+    on a machine."""
 
     stage: str
     seconds: float

@@ -21,10 +21,10 @@ from executive import alarm
 from executive.alarm import LateError, undisturbed, within
 from executive.cli.frame import ctrl_c
 from executive.errors import InputError
-from executive.limits import punctual_estimator, punctual_planner, punctual_skills
+from executive.limits import punctual_estimator, punctual_planner, punctual_preparing, punctual_skills
 from executive.loop import Executive
 from executive.policy import Settings
-from executive.protocols import Asking, Sink, SkillContext
+from executive.protocols import Asking, Sink, SkillContext, Tell
 from executive.trace.events import EVENTS_FILE, EventLog, read_events
 from executive.trace.snapshots import Snapshots
 from executive.types import (
@@ -446,3 +446,15 @@ def test_other_signals_are_no_orders(handlers: None) -> None:
             os.kill(os.getpid(), signal.SIGUSR1)
     finally:
         signal.signal(signal.SIGUSR1, before)
+
+
+def test_what_is_made_ready_outlasts_no_run() -> None:
+    class Endless:
+        def prepare(self, tell: Tell) -> None:
+            tell("the check")
+            forever()
+
+    told: list[str] = []
+    (part,) = punctual_preparing([Endless()], lambda: SOON)
+    part.prepare(told.append)
+    assert told == ["the check"]

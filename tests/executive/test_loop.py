@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import time
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
@@ -18,7 +19,8 @@ from executive.faults import FaultInjector, parse_fault
 from executive.loop import Executive
 from executive.monitor import Thresholds
 from executive.policy import Settings
-from executive.protocols import SkillContext
+from executive.protocols import SkillContext, Tell
+from executive.trace.report import summarise
 from executive.types import (
     Atom,
     Belief,
@@ -540,3 +542,45 @@ def test_goals_that_hold_are_kept_without_asking_the_planner() -> None:
     ended = stage.play()
     assert (ended.outcome, ended.unreached, ended.actions) == (OutcomeKind.PARTIAL, ("at(a,q)",), 0)
     assert [asked for _, asked in stage.planner.asked] == [goal, goal, goal.only([at("a", "q")]), goal]
+
+
+class Compiled:
+    """A part that says what it takes time for, if there is something."""
+
+    def __init__(self, *what: str) -> None:
+        self.what = what
+
+    def prepare(self, tell: Tell) -> None:
+        for each in self.what:
+            tell(each)
+            time.sleep(0.02)
+
+
+def test_what_is_made_ready_is_told_before_the_first_look_and_is_a_stage_of_its_own() -> None:
+    stage = Stage(GOAL, {"a": "p", "b": "p"})
+    stage.prepare = [Compiled("the check"), Compiled()]
+    stage.play()
+    payloads = [event.payload for event in stage.recorder.events]
+    first = next(index for index, payload in enumerate(payloads) if isinstance(payload, Observation))
+    said = [payload for payload in payloads[:first] if isinstance(payload, Phase | Timing)]
+    assert said[0] == Phase("compile", "the check")
+    assert [type(payload) for payload in said[:2]] == [Phase, Timing]
+    assert sum(timing.stage == "compile" for timing in stage.recorder.of(Timing)) == 1
+    wall = summarise(stage.recorder.events)["wall_seconds"]
+    assert wall["compile"] >= 0.02
+    assert wall["skill"] < wall["total"] - wall["compile"]
+
+
+def test_a_run_that_is_cancelled_while_something_is_made_ready_ends_there() -> None:
+    stage = Stage(GOAL, {"a": "p", "b": "p"})
+    executive = stage.executive()
+
+    class Cancels:
+        def prepare(self, tell: Tell) -> None:
+            tell("the check")
+            executive.cancel()
+
+    stage.prepare += [Cancels(), Compiled("never begun")]
+    assert executive.run().outcome is OutcomeKind.INTERRUPTED
+    assert [phase.detail for phase in stage.recorder.of(Phase)] == ["the check"]
+    assert stage.recorder.of(Observation) == []

@@ -15,7 +15,7 @@ from executive.trace.console import console_for, is_live, waiting
 from executive.trace.story import Story
 from executive.trace.terminal import TerminalSink
 from executive.trace.terminal_view import dashboard, event_line, story_lines
-from executive.types import Decision, DecisionKind, Event, Plan, Started
+from executive.types import Decision, DecisionKind, Event, Phase, Plan, Started, Timing
 from tests.executive.trace.strategies import events
 from tests.executive.trace.synthetic import pick, synthetic_events
 
@@ -180,3 +180,15 @@ def test_each_line_is_there_as_soon_as_it_happens() -> None:
     started = synthetic_events()[0]
     assert isinstance(started.payload, Started)
     assert "grocery: breakfast" in show(stream, [started], close=False)
+
+
+def test_what_is_compiled_is_told_for_as_long_as_it_takes() -> None:
+    started = next(event for event in synthetic_events() if isinstance(event.payload, Started))
+    begun = Event(0, 0.0, 0.1, Phase("compile", "the check for collisions"))
+    done = Event(0, 0.0, 9.0, Timing("compile", 8.9))
+    assert "compiling the check for collisions" in show(io.StringIO(), [started, begun])
+    before, during, after = (
+        "\n".join(line.plain for line in dashboard(story, 80, 23)) for story in stories([started, begun, done])
+    )
+    assert "compiling the check for collisions" in during
+    assert "compiling" not in before + after
