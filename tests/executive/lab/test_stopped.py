@@ -101,7 +101,7 @@ def work(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[list[str], Cal
         return command, lambda: (out / "model" / "model.safetensors").stat().st_size
     if request.param == "eval":
         eye, data = request.getfixturevalue("eye"), request.getfixturevalue("data")
-        command = ["eval", str(TRAY), str(data), "--vlm", str(eye / "model"), "--out", str(out)]
+        command = ["eval", str(TRAY), str(data), "--vlm", str(eye / "model"), "--no-abstention", "--out", str(out)]
         return command, lambda: json.loads((out / "evaluation.json").read_text())["atoms"]
     file = tmp_path / "tray.toml"
     file.write_text(CAMPAIGN)
