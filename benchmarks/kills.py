@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from executive.trace.events import EVENTS_FILE, read_events
+from executive.trace.record.log import EVENTS_FILE, read_events
 from executive.types import Dispatched, Ended, Event, FaultInjected, SkillResult, SkillStatus, Step
 
 PATIENCE = 600.0

@@ -43,8 +43,8 @@ began = time.perf_counter()
 import torch, transformers.models.auto.modeling_auto, transformers.models.fast_vlm.modeling_fast_vlm
 import transformers.models.qwen2.modeling_qwen2, transformers.models.resnet.modeling_resnet
 imported = time.perf_counter()
-from executive.domain import load_subject
-from executive.eye import EyeConfig, open_eye
+from executive.domain.loader import load_subject
+from executive.app.estimators import EyeConfig, open_eye
 open_eye(EyeConfig(vlm=sys.argv[2]) if sys.argv[2] else EyeConfig(), load_subject(sys.argv[1]))
 print(json.dumps([imported - began, time.perf_counter() - imported]))
 """
@@ -58,9 +58,9 @@ class _Taken(NamedTuple):
 
 
 def main() -> None:
-    from executive import machine
+    from executive.util import requirements
 
-    machine.require()
+    requirements.require()
     arguments = _arguments()
     row = _quiet_and_busy(arguments) if arguments.busy else _alone(arguments)
     if arguments.json:
@@ -131,12 +131,12 @@ def _looks(name: str, vlm: str | None, count: int) -> dict[str, float]:
 @contextmanager
 def _opened(name: str, vlm: str | None) -> Iterator[tuple[Callable[[Observation], Belief], MujocoWorld]]:
     """What answers all questions of a domain about pictures, and the world to take them of; both warmed up."""
-    from executive.domain import load_domain
-    from executive.eye import EyeConfig, open_eye
+    from executive.app.estimators import EstimatorConfig, open_estimator
+    from executive.domain.loader import load_domain
     from executive.sim.world import MujocoWorld
 
     domain = load_domain(name)
-    eye = open_eye(EyeConfig(vlm=vlm), domain.subject)
+    eye = open_estimator(EstimatorConfig(vlm=vlm), domain.subject)
     world = MujocoWorld(domain.scene, domain.task.objects)
     try:
         eye.estimate(world.observe(), domain.task.atoms)

@@ -59,10 +59,10 @@ def main() -> None:
 
 def played(arguments: argparse.Namespace) -> tuple[Counter[str], list[float], float]:
     """How the runs ended, the memory in MiB after each, and when they began."""
-    from executive import machine
+    from executive.util import requirements
 
-    machine.require()
-    from executive.assemble import RunConfig, run
+    requirements.require()
+    from executive.app.run import RunConfig, run
 
     outcomes: Counter[str] = Counter()
     used: list[float] = []

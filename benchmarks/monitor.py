@@ -32,21 +32,21 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.monitored import contenders, figures, looks, spoiling, symbolic
-from benchmarks.monitored.courses import Ask, Course, courses, flipping, graded, recorded
-from executive import machine
-from executive.cli.frame import INTERRUPTED, ctrl_c
-from executive.domain import Domain, load_domain
+from benchmarks.monitored.courses import Ask, RunState, courses, flipping, graded, recorded
+from executive.app.sensor_fit import load_outcomes
+from executive.belief import EXACT, ActionModel, ErrorModel, MutexNetwork, SensorModel
+from executive.cli.app import INTERRUPTED, ctrl_c
+from executive.domain.loader import Domain, load_domain
 from executive.errors import ExecutiveError
-from executive.lab.campaign.bench import Bench
+from executive.lab.campaign.campaign_folder import Bench
 from executive.lab.campaign.design import Campaign
 from executive.lab.campaign.episode import FAILED, Player, Simulated
 from executive.lab.campaign.rows import read_rows
-from executive.lab.crew import Processes
-from executive.lab.progress import told
-from executive.monitor import EXACT, ActionModel, Eye, Network, Reading
-from executive.mutex import find_mutexes
-from executive.threads import cores
-from executive.trust import load_outcomes
+from executive.lab.common.process_pool import Processes
+from executive.lab.common.progress import told
+from executive.planning.mutex_groups import find_mutexes
+from executive.util import requirements
+from executive.util.threads import cores
 
 PARTS = ("looks", "symbolic", "simulator")
 
@@ -64,7 +64,7 @@ class Looks:
         self.covered: list[looks.Coverage] = []
         self.asked: list[spoiling.Asked] = []
         domain = load_domain("grocery")
-        network = Network(domain.task.atoms, find_mutexes(domain.parsed).groups)
+        network = MutexNetwork(domain.task.atoms, find_mutexes(domain.parsed).groups)
         counts = {} if domain.outcomes is None else load_outcomes(domain.outcomes, domain.parsed.actions)
         trusts: Path = arguments.out / "trust"
         if arguments.data is None:  # skills in made-up courses are not those that were measured
@@ -84,7 +84,7 @@ class Looks:
                 self.lines.append(looks.Line(name, setting, looks.judged(monitor, taken[1::2]), None))
             self.covered += looks.coverage(name, network, taken)
 
-    def _made_up(self, domain: Domain, network: Network, number: int) -> None:
+    def _made_up(self, domain: Domain, network: MutexNetwork, number: int) -> None:
         taken = courses(domain, number, 20, 0)
         self._oracles(domain, network, ActionModel(), taken)
         name = "graded, often muddled"
@@ -92,20 +92,20 @@ class Looks:
         self._line(domain, network, ActionModel(), taken, name, eye, graded(2))
         self.covered += looks.coverage(name, network, courses(domain, 300, 20, 3), graded(4))
 
-    def _oracles(self, domain: Domain, network: Network, actions: ActionModel, taken: Sequence[Course]) -> None:
+    def _oracles(self, domain: Domain, network: MutexNetwork, actions: ActionModel, taken: Sequence[RunState]) -> None:
         for flips in (0.0, *contenders.FLIPS):
             name = contenders.flipped(flips) if flips else contenders.ORACLE
-            eye = Eye(other=Reading(flips, flips), alike=0.0) if flips else EXACT
+            eye = SensorModel(other=ErrorModel(flips, flips), alike=0.0) if flips else EXACT
             self._line(domain, network, actions, taken, name, eye, flipping(flips, 0))
 
     def _line(
         self,
         domain: Domain,
-        network: Network,
+        network: MutexNetwork,
         actions: ActionModel,
-        taken: Sequence[Course],
+        taken: Sequence[RunState],
         name: str,
-        eye: Eye,
+        eye: SensorModel,
         ask: Ask,
     ) -> None:
         for setting, monitor in looks.settings(domain, network, eye, actions):
@@ -207,7 +207,7 @@ def main() -> int:
     documents: dict[str, Any] = {}
     targets: list[figures.Target] = []
     try:
-        machine.require()
+        requirements.require()
         for name, part in parts(arguments):
             documents[name] = part.document
             targets += part.targets

@@ -16,9 +16,9 @@ import numpy as np
 from executive.protocols import Skill, SkillContext
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
+from executive.skills.pick import pick
+from executive.skills.place import place
 from executive.types import Atom, Facts, SkillResult, Step
-from skills.pick import pick
-from skills.place import place
 
 ITEMS = ("milk-carton", "bread-loaf", "lemon", "soda-can", "cereal-box", "water-bottle")
 TABLES = ("wood-table", "black-table", "white-table")

@@ -32,10 +32,10 @@ from typing import Any
 
 import numpy as np
 
-from executive.s3e.backend import Answer
-from executive.s3e.checkpoint import find
-from executive.s3e.loading import load_processor
-from executive.s3e.vlm import TransformersBackend, TransformersLook
+from executive.s3e.backends.checkpoint import find
+from executive.s3e.backends.interface import Answer
+from executive.s3e.backends.loading import load_processor
+from executive.s3e.backends.transformers_backend import TransformersBackend, TransformersLook
 from executive.types import Image
 from tests.executive.s3e.checkpoints import FAMILIES, Size, build
 

@@ -3,7 +3,7 @@
 python -m examples.library
 """
 
-from executive.assemble import RunConfig, run
+from executive.app.run import RunConfig, run
 from executive.types import Decision, DecisionKind, Event
 
 

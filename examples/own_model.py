@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from executive.domain import load_subject
+from executive.domain.loader import load_subject
 from executive.s3e import S3E, YES_NO, Answer, AnswerWords, Look, Templates, observe, read_picture
 from executive.types import Belief, Image
 

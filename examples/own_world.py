@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from executive import Atom, Belief, InputError, Observation, SkillResult, SkillStatus, Step
+from executive.core.loop import Executive
+from executive.domain.pddl import read_task
 from executive.errors import nearest
 from executive.faults import FaultInjector, parse_fault
-from executive.loop import Executive
-from executive.pddl import read_task
-from executive.planning import FastDownwardPlanner
+from executive.planning.fast_downward import FastDownwardPlanner
 from executive.protocols import SkillContext
-from executive.trace.terminal import TerminalSink
+from executive.trace.terminal.sink import TerminalSink
 from executive.types import Ended, Frame, Image, Phase, Scenery
 
 FOLDER = Path(__file__).parent / "marbles"

@@ -10,13 +10,13 @@ import numpy as np
 
 from executive.errors import InputError
 from executive.protocols import Skill, SkillContext, Tell
-from executive.sim.handle import Handle
+from executive.sim.robot_api import Handle
+from executive.skills import collision_kernels, trajectory, transforms
+from executive.skills.collision import CollisionModel, Held
+from executive.skills.failed_grasps import FailedGrasps
+from executive.skills.ik import Kinematics
+from executive.skills.motion_planning import MotionPlanner, Path
 from executive.types import FloatArray, Motion, Phase, Sense, SkillResult, SkillStatus, Step
-from skills import poses, sweep, trajectory
-from skills.collision import CollisionModel, Held
-from skills.ik import Kinematics
-from skills.motion import MotionPlanner, Path
-from skills.tried import Tried
 
 OPEN_WIDTH = 0.080
 """m; wider than this the fingers are open."""
@@ -65,7 +65,7 @@ class Arm:
         self.kinematics = Kinematics(handle)
         self.collision = CollisionModel(handle)
         self.planner = MotionPlanner(handle.limits, self.collision)
-        self.tried = Tried()
+        self.tried = FailedGrasps()
 
 
 _ARMS: WeakKeyDictionary[Handle, Arm] = WeakKeyDictionary()
@@ -89,7 +89,7 @@ class ArmSkill:
         return self._skill(step, context)
 
     def prepare(self, tell: Tell) -> None:
-        sweep.ready(tell)
+        collision_kernels.ready(tell)
 
 
 class Attempt:
@@ -146,7 +146,7 @@ class Attempt:
         hand, items = self.arm.kinematics.forward(self.body.joints()), self.body.obstacles()
         away = {item: self.handle.shapes[item].distance(pose, hand[:3, 3]) for item, pose in items.items()}
         item = min(away, key=away.__getitem__)
-        return Held(item, poses.inverse(hand) @ poses.matrix(items[item])) if away[item] < _AT_GRIP else None
+        return Held(item, transforms.inverse(hand) @ transforms.matrix(items[item])) if away[item] < _AT_GRIP else None
 
     def look_around(self, held: Held | None = None, ignored: Collection[str] = ()) -> None:
         """Bring the collision model up to date."""
@@ -316,7 +316,7 @@ def withdraw(attempt: Attempt, held: Held | None) -> None:
     if attempt.arm.collision.free(start):
         return
     here = attempt.arm.kinematics.forward(start)
-    up = attempt.arm.kinematics.line(start, [poses.translated(here, np.array([0, 0, rise])) for rise in _WITHDRAW])
+    up = attempt.arm.kinematics.line(start, [transforms.translated(here, np.array([0, 0, rise])) for rise in _WITHDRAW])
     clear = [index for index, q in enumerate(up or []) if attempt.arm.collision.free(q)]
     if up is not None and clear:
         attempt.move("retreat", np.array([start, *up[: clear[0] + 1]]), speed=0.4)

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from executive.sim.handle import Handle
+from executive.sim.robot_api import Handle
 from executive.sim.scene import FINGER_JOINTS, GRIP_SITE, JOINTS
+from executive.skills import collision_kernels, transforms
+from executive.skills.collision_geometry import Arguments, CollisionGeometry
 from executive.types import FloatArray
-from skills import poses, sweep
-from skills.bodies import Arguments, Bodies
 
 _ARM, _HAND, _SURROUNDINGS, _HELD = 1, 2, 4, 8
 """Contact bits. Arm touches everything, hand and held item touch arm and surroundings, never each other."""
@@ -90,7 +90,7 @@ class CollisionModel:
         model.geom_gap[:] = 0.0
         rough = {*(arm - hand), int(model.body("fixed_base_link").id)}
         tolerances = [_COARSE if body in rough else _TOLERANCE for body in model.geom_bodyid]
-        self._parts = Bodies(model, JOINTS, tolerances, _CLEARANCE)
+        self._parts = CollisionGeometry(model, JOINTS, tolerances, _CLEARANCE)
         mujoco.mj_kinematics(model, self._data)
         self._bodies: Arguments = self._parts.gathered(self._data)
 
@@ -120,15 +120,15 @@ class CollisionModel:
 
     def free(self, q: FloatArray) -> bool:
         """Whether nothing touches at the configuration `q` (6,), with the clearance kept."""
-        return bool(sweep.clear(*self._bodies, _CLEARANCE, q, q, _EDGE))
+        return bool(collision_kernels.clear(*self._bodies, _CLEARANCE, q, q, _EDGE))
 
-    def all_free(self, configurations: FloatArray) -> sweep.BoolArray:
+    def all_free(self, configurations: FloatArray) -> collision_kernels.BoolArray:
         """Which of the configurations (N, 6) touch nothing, (N,)."""
-        return np.asarray(sweep.all_clear(*self._bodies, _CLEARANCE, np.ascontiguousarray(configurations)))
+        return np.asarray(collision_kernels.all_clear(*self._bodies, _CLEARANCE, np.ascontiguousarray(configurations)))
 
     def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
         """Whether nothing touches along the straight edge between two configurations (6,), its ends included."""
-        return bool(sweep.clear(*self._bodies, _CLEARANCE, start, goal, _EDGE))
+        return bool(collision_kernels.clear(*self._bodies, _CLEARANCE, start, goal, _EDGE))
 
     def beside(self, q: FloatArray) -> frozenset[str]:
         """The items that touch the held one at `q`."""
@@ -178,7 +178,7 @@ class CollisionModel:
             hand[:3, :3] = data.site_xmat[self._site].reshape(3, 3)
             hand[:3, 3] = data.site_xpos[self._site]
             start = self._items[self._held.item]
-            data.qpos[start : start + 7] = poses.pose(hand @ self._held.in_hand)
+            data.qpos[start : start + 7] = transforms.pose(hand @ self._held.in_hand)
             mujoco.mj_kinematics(self._model, data)
 
     def _mark(self, geom: int, kind: int, touches: int) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 
 from executive.sim.scene import GRIP_DEPTH, WIDEST_GRIP, ItemShape
 from executive.sim.spec import TableSpec
+from executive.skills import transforms
 from executive.types import FloatArray
-from skills import poses
 
 _DEPTHS = (GRIP_DEPTH, 0.020)
 """How far below an item's top the grip point is, in m."""
@@ -171,7 +171,7 @@ def spots(
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
     obstacles = []
     for name, pose in others.items():
-        corners = poses.box_corners(poses.matrix(pose), shapes[name].centre, shapes[name].half)
+        corners = transforms.box_corners(transforms.matrix(pose), shapes[name].centre, shapes[name].half)
         if corners[:, 2].max() > table.centre[2] - 0.02:
             middle = corners[:, :2].mean(axis=0)
             obstacles.append((middle, float(np.linalg.norm(corners[:, :2] - middle, axis=1).max())))

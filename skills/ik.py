@@ -5,7 +5,7 @@ from __future__ import annotations
 import mink
 import numpy as np
 
-from executive.sim.handle import Handle
+from executive.sim.robot_api import Handle
 from executive.sim.scene import GRIP_SITE, JOINTS
 from executive.types import FloatArray
 

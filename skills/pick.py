@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from executive.protocols import SkillContext
+from executive.skills import grasps, transforms
+from executive.skills.arm import ArmSkill, Attempt, SkillError, go_home, perform
+from executive.skills.collision import Held
 from executive.types import FloatArray, Sense, SkillResult, SkillStatus, Step
-from skills import grasps, poses
-from skills.arm import ArmSkill, Attempt, SkillError, go_home, perform
-from skills.collision import Held
 
 _APPROACH = np.linspace(0.09, 0.0, 7)
 """Distances to the grasp in m at which the straight approach is planned, from first to last."""
@@ -53,7 +53,7 @@ def _pick(attempt: Attempt) -> None:
         raise SkillError(SkillStatus.GRASP_MISSED, "the gripper holds something already")
     attempt.open_gripper()
     attempt.phase("plan", f"grasps of {item}")
-    pose = poses.matrix(attempt.body.locate(item))
+    pose = transforms.matrix(attempt.body.locate(item))
     if not grasps.on_table(pose, shape, top):
         raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {table}")
     candidates = grasps.candidates(pose, shape, top.centre[2])
@@ -97,7 +97,7 @@ def _take(attempt: Attempt, reach: _Reach) -> None:
 def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> list[_Reach]:
     """The grasps that can be approached and lifted from along straight lines, cheapest first."""
     arm, start = attempt.arm, attempt.body.joints()
-    pose = poses.matrix(attempt.body.obstacles()[item])
+    pose = transforms.matrix(attempt.body.obstacles()[item])
     found: list[_Reach] = []
     for preference, grasp in enumerate(candidates):
         if len(found) >= 2 * _MOST_PLANS:
@@ -108,15 +108,15 @@ def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> lis
             q = arm.kinematics.solve(grasp, seed)
             if q is None:
                 continue
-            back = [poses.translated(grasp, distance * outward) for distance in _APPROACH[::-1]]
+            back = [transforms.translated(grasp, distance * outward) for distance in _APPROACH[::-1]]
             approach = arm.kinematics.line(q, back)
-            lift = arm.kinematics.line(q, [poses.translated(grasp, np.array([0, 0, rise])) for rise in _LIFT])
+            lift = arm.kinematics.line(q, [transforms.translated(grasp, np.array([0, 0, rise])) for rise in _LIFT])
             if approach is None or lift is None:
                 continue
             attempt.look_around(ignored=[item])
             if not arm.collision.all_free(np.array([*approach, *lift])).all():
                 continue
-            held = Held(item, poses.inverse(grasp) @ pose)
+            held = Held(item, transforms.inverse(grasp) @ pose)
             attempt.look_around(held)
             # What leans on the item already cannot be kept clear of; it is drawn along a little.
             attempt.look_around(held, ignored=arm.collision.beside(q))

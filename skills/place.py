@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from executive.protocols import SkillContext
 from executive.sim import footprint
+from executive.skills import grasps, transforms
+from executive.skills.arm import CARRYING, ArmSkill, Attempt, SkillError, go_home, perform, withdraw
+from executive.skills.collision import Held
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
-from skills import grasps, poses
-from skills.arm import CARRYING, ArmSkill, Attempt, SkillError, go_home, perform, withdraw
-from skills.collision import Held
 
 _LOWER = np.linspace(0.10, 0.0, 8)
 """Heights above the final pose in m through which the item is lowered straight down."""
@@ -85,7 +85,7 @@ def _descents(attempt: Attempt, held: Held, table: str) -> list[_Descent]:
             target = np.eye(4)
             target[:3, :3] = Rotation.from_euler("z", float(yaw)).as_matrix() @ upright
             target[:3, 3] = spot - target[:3, :3] @ shape.centre
-            descent = _descent(attempt, held, target @ poses.inverse(held.in_hand), start)
+            descent = _descent(attempt, held, target @ transforms.inverse(held.in_hand), start)
             if descent is not None:
                 found.append(descent)
         if len(found) >= _MOST_PLANS:
@@ -99,8 +99,8 @@ def _descent(attempt: Attempt, held: Held, hand: FloatArray, start: FloatArray) 
         q = arm.kinematics.solve(hand, seed)
         if q is None:
             continue
-        lower = arm.kinematics.line(q, [poses.translated(hand, np.array([0, 0, rise])) for rise in _LOWER[::-1]])
-        retreat = arm.kinematics.line(q, [poses.translated(hand, -away * hand[:3, 2]) for away in _RETREAT])
+        lower = arm.kinematics.line(q, [transforms.translated(hand, np.array([0, 0, rise])) for rise in _LOWER[::-1]])
+        retreat = arm.kinematics.line(q, [transforms.translated(hand, -away * hand[:3, 2]) for away in _RETREAT])
         if lower is None or retreat is None:
             continue
         attempt.look_around(held)

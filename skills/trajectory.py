@@ -18,7 +18,7 @@ import toppra
 from scipy.interpolate import PchipInterpolator
 from toppra import algorithm, constraint
 
-from executive.sim.handle import ArmLimits
+from executive.sim.robot_api import ArmLimits
 from executive.types import FloatArray
 
 logging.getLogger("toppra").setLevel(logging.ERROR)

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from executive.attention import alike
-from executive.compare import compare, progress
+from executive.core.attention import alike
+from executive.core.compare import compare, progress
 from executive.errors import InputError
 from executive.protocols import Estimator, Planner, Sink, Skill, SkillContext, World
 from executive.types import (

@@ -16,12 +16,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from executive.attention import Attention
+from executive.belief import BayesMonitor, Monitor, MutexNetwork, ThresholdMonitor, Thresholds
+from executive.belief.mutex_inference import Group
+from executive.core.attention import Attention
+from executive.core.loop import Executive
+from executive.core.policy import Settings
 from executive.errors import InputError, nearest
-from executive.loop import Executive
-from executive.monitor import FusedMonitor, Monitor, Network, PlainMonitor, Thresholds
-from executive.monitor.groups import Group
-from executive.policy import Settings
 from executive.protocols import FaultSource, Preparing, Skill, SkillContext
 from executive.types import (
     Atom,
@@ -455,7 +455,7 @@ class Stage:
         self.estimator = ScriptedEstimator(self.world, self.looks, self.always)
         self.recorder = Recorder()
         self.faults: FaultSource | None = None
-        self.monitor: Monitor = PlainMonitor(self.task.atoms, self.thresholds)
+        self.monitor: Monitor = ThresholdMonitor(self.task.atoms, self.thresholds)
         self.moves: dict[str, Skill] = {}
         self.prepare: list[Preparing] = []
 
@@ -483,7 +483,7 @@ class Stage:
 
     def weighing(self, **parts: Any) -> Stage:
         """The same with a monitor that weighs answers, mutex groups and memory, made of `parts`."""
-        self.monitor = FusedMonitor(Network(self.task.atoms, groups(self.task)), **parts)
+        self.monitor = BayesMonitor(MutexNetwork(self.task.atoms, groups(self.task)), **parts)
         return self
 
     @property

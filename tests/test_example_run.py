@@ -6,8 +6,8 @@ import json
 import re
 from pathlib import Path
 
-from executive.trace.events import read_events
-from executive.trace.report import summarise
+from executive.trace.record.log import read_events
+from executive.trace.report.summary import summarise
 from executive.types import Observation
 
 ROOT = Path(__file__).resolve().parent.parent

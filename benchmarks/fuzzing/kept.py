@@ -18,19 +18,19 @@ import numpy.typing as npt
 
 from benchmarks.fuzzing.readers import GROCERY, grocery, written
 from executive.errors import InputError
-from executive.lab import dataset
-from executive.lab import evaluation_store as store
-from executive.lab.campaign.bench import MANIFEST as CAMPAIGN
+from executive.lab.campaign.campaign_folder import MANIFEST as CAMPAIGN
 from executive.lab.campaign.episode import Row
 from executive.lab.campaign.results import METRICS, load_results
 from executive.lab.campaign.rows import FILE as ROWS
-from executive.lab.evaluate import Evaluation
-from executive.lab.metrics import Answers
+from executive.lab.collection import dataset
+from executive.lab.evaluation import store
+from executive.lab.evaluation.evaluate import Evaluation
+from executive.lab.evaluation.metrics import Answers
 from executive.s3e.pictures import read_picture
-from executive.s3e.questions import Templates
-from executive.s3e.translators import LanguageModel, Reply
+from executive.s3e.questions.language_model import LanguageModel, Reply
+from executive.s3e.questions.templates import Templates
 from executive.sim.world import MujocoWorld
-from executive.trace import pictures as recorded
+from executive.trace.record import pictures as recorded
 from executive.types import Atom
 
 ROW = Row("grocery", "breakfast", "drop 0.3", "oracle", "full", 3, "goal-reached", "executive run grocery", actions=4)

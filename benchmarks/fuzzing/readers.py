@@ -18,38 +18,44 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from unittest import mock
 
-from executive.configuration import CONFIG, read_config
-from executive.domain import Domain, load_domain, load_subject
+from executive.app.config import CONFIG, read_config
+from executive.app.estimate import choose
+from executive.app.resume import PastRun
+from executive.app.sensor_fit import load, load_outcomes
+from executive.belief import ThresholdMonitor
+from executive.domain.loader import Domain, load_domain, load_subject
+from executive.domain.pddl import read_task, read_vocabulary
 from executive.errors import InputError
-from executive.estimate import choose
 from executive.faults import parse_fault, read_faults
-from executive.lab import published
-from executive.lab.campaign.reading import read_campaign
-from executive.lab.disturbance import Disturbance
-from executive.lab.eye.wordings import Wordings
-from executive.lab.paraphrases import Paraphrases
-from executive.monitor import PlainMonitor
-from executive.past import Past
-from executive.pddl import read_task, read_vocabulary
+from executive.lab.campaign.config_file import read_campaign
+from executive.lab.evaluation import published
+from executive.lab.evaluation.disturbance import Disturbance
+from executive.lab.evaluation.paraphrases import Paraphrases
+from executive.lab.training.wordings import Wordings
 from executive.replay import Record, replay
-from executive.replay.beside import side_by_side
-from executive.s3e.backend import YES_NO
+from executive.replay.comparison import side_by_side
+from executive.s3e.backends.checkpoint import CONFIG as MODEL_CONFIG
+from executive.s3e.backends.checkpoint import INDEX, WEIGHTS, inspect
+from executive.s3e.backends.dialect import Dialect
+from executive.s3e.backends.interface import YES_NO
+from executive.s3e.backends.openai_backend import hear, text
+from executive.s3e.backends.openai_client import (  # what a server sends passes these
+    ReplyError,
+    _decoded,
+    _models,
+    _refusal,
+    base_url,
+)
 from executive.s3e.calibration import Calibration
-from executive.s3e.chat import ReplyError, _decoded, _models, _refusal, base_url  # what a server sends passes these
-from executive.s3e.checkpoint import CONFIG as MODEL_CONFIG
-from executive.s3e.checkpoint import INDEX, WEIGHTS, inspect
-from executive.s3e.dialect import Dialect
-from executive.s3e.questions import Templates
-from executive.s3e.server import hear, text
-from executive.s3e.translators import LanguageModel, Reply
+from executive.s3e.questions.language_model import LanguageModel, Reply
+from executive.s3e.questions.templates import Templates
 from executive.sim.spec import read_scene
-from executive.trace import monitors
-from executive.trace.events import EVENTS_FILE, read_events
-from executive.trace.explain import explain, print_lines
-from executive.trace.report import print_summary, summarise
-from executive.trace.side_by_side import Pair, print_pairs
-from executive.trace.story import Story
-from executive.trust import load, load_outcomes
+from executive.trace.record import monitor_file
+from executive.trace.record.log import EVENTS_FILE, read_events
+from executive.trace.report.explain import explain, print_lines
+from executive.trace.report.summary import print_summary, summarise
+from executive.trace.story.story import Story
+from executive.trace.terminal.comparison import Pair, print_pairs
 from executive.types import Atom, Facts
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -98,7 +104,7 @@ def feed_manifest(data: bytes, scratch: Path) -> None:
     if not folder.exists():
         shutil.copytree(GROCERY, folder)
     written(folder, "domain.toml", data)
-    with mock.patch.multiple("executive.domain", read_task=_task, read_vocabulary=_vocabulary):
+    with mock.patch.multiple("executive.domain.loader", read_task=_task, read_vocabulary=_vocabulary):
         try:
             load_domain(folder, skills=_registered("skills"), relations=_registered("relations"))
         finally:
@@ -159,7 +165,7 @@ def feed_faults(data: bytes, scratch: Path) -> None:
 
 def feed_campaign(data: bytes, scratch: Path) -> None:
     """The domains that it names are read once: these have targets of their own, and would take most of the time."""
-    with mock.patch("executive.lab.campaign.reading.load_domain", _known_domain):
+    with mock.patch("executive.lab.campaign.config_file.load_domain", _known_domain):
         read_campaign(written(scratch, "campaign.toml", data)).described()
 
 
@@ -183,14 +189,14 @@ def feed_events(data: bytes, scratch: Path) -> None:
     story = Story()
     for event in events:
         story.tell(event)
-    Past.of(folder)
+    PastRun.of(folder)
     if story.started is None:
         return
     with io.TextIOWrapper(io.BytesIO(), encoding="utf-8") as paper, _watched_loop():
         print_summary(summarise(events), folder, paper)
         print_lines(explain(events), paper)
         for record in Record.all(events):
-            replayed = replay(record, PlainMonitor(record.started.task.atoms))
+            replayed = replay(record, ThresholdMonitor(record.started.task.atoms))
             rows = side_by_side(record, replayed)
             print_pairs([Pair(*row, row.agree, row.same) for row in rows], ("recorded", "replayed"), paper)
 
@@ -213,8 +219,8 @@ def _watched_loop() -> Iterator[None]:
 
 
 def feed_monitor(data: bytes, scratch: Path) -> None:
-    written(scratch / "run", monitors.FILE, data)
-    monitors.load(scratch / "run", grocery().task.atoms)
+    written(scratch / "run", monitor_file.FILE, data)
+    monitor_file.load(scratch / "run", grocery().task.atoms)
 
 
 def feed_trust(data: bytes, scratch: Path) -> None:

@@ -39,16 +39,16 @@ from benchmarks.fuzzing.readers import (
     feed_wording,
     feed_wordings,
 )
-from executive.assemble import RunConfig
-from executive.configuration import CONFIG
+from executive.app.config import CONFIG
+from executive.app.run import RunConfig
 from executive.faults import KINDS
-from executive.lab.campaign.bench import MANIFEST as CAMPAIGN
+from executive.lab.campaign.campaign_folder import MANIFEST as CAMPAIGN
 from executive.lab.campaign.rows import FILE as ROWS
-from executive.lab.evaluation_store import RESULTS
-from executive.s3e.checkpoint import CONFIG as MODEL_CONFIG
-from executive.s3e.checkpoint import INDEX, WEIGHTS
-from executive.trace import monitors
-from executive.trace.events import EVENTS_FILE
+from executive.lab.evaluation.store import RESULTS
+from executive.s3e.backends.checkpoint import CONFIG as MODEL_CONFIG
+from executive.s3e.backends.checkpoint import INDEX, WEIGHTS
+from executive.trace.record import monitor_file
+from executive.trace.record.log import EVENTS_FILE
 
 TRAY = ROOT / "tests" / "domains" / "tray"
 PDDL = ROOT / "tests" / "data" / "pddl"
@@ -193,7 +193,7 @@ TARGETS: Mapping[str, Target] = {
         _shortened(EXAMPLE / EVENTS_FILE),
         ("Started", "Resumed", "Observation", "Belief", "Plan", "Dispatched", "Decision", "Ended", "images/../x.jpg"),
     ),
-    "monitor.json": Target(feed_monitor, files(EXAMPLE / monitors.FILE), ("plain", "fused", "NaN", "Infinity")),
+    "monitor.json": Target(feed_monitor, files(EXAMPLE / monitor_file.FILE), ("plain", "fused", "NaN", "Infinity")),
     "trust.json": Target(feed_trust, lambda: [json.dumps(_TRUST, indent=1).encode()], ("scores", "alike", "NaN")),
     "calibration.json": Target(
         feed_calibration, lambda: [json.dumps(_CALIBRATION).encode()], ("slope", "NaN", "1e999")

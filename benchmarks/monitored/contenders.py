@@ -10,15 +10,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from executive import trust
-from executive.domain import load_domain
-from executive.eye import EyeConfig
+from executive.app import sensor_fit as trust
+from executive.app.estimators import EstimatorConfig
+from executive.app.monitors import MonitorConfig
+from executive.app.sensor_fit import Trust
+from executive.belief.conformal import Conformal
+from executive.belief.sensor_model import ErrorModel, SensorModel
+from executive.domain.loader import load_domain
+from executive.lab.campaign.config_file import model_digest
 from executive.lab.campaign.design import Campaign, Contender, Place
-from executive.lab.campaign.reading import model_digest
-from executive.monitor.conformal import Conformal
-from executive.monitor.eye import Eye, Reading
-from executive.monitoring import MonitorConfig
-from executive.trust import Trust
 
 FLIPS = (0.02, 0.05, 0.1)
 PLAIN, CONSISTENT, REMEMBERING, FULL = "plain threshold", "+ consistency", "+ memory", "+ looking again"
@@ -58,8 +58,8 @@ def oracles(folder: Path) -> list[Looking]:
     for share in FLIPS:
         file = folder / f"flipped-{share:g}.json"
         for domain, predicates in PREDICATES.items():
-            readings = dict.fromkeys(predicates, Reading(share, share))
-            trust.save(file, domain, Trust(Eye(readings, alike=0.0), Conformal(), 0))
+            error_models = dict.fromkeys(predicates, ErrorModel(share, share))
+            trust.save(file, domain, Trust(SensorModel(error_models, alike=0.0), Conformal(), 0))
         made.append(Looking(flipped(share), "oracle", (f"estimator:wrong,share={share:g}@0-",), file))
     return made
 
@@ -99,14 +99,14 @@ def _contender(eye: Looking, setting: str) -> Contender:
     if eye.trust is not None and setting != PLAIN:
         judge = replace(judge, trust=eye.trust)
     if eye.kind == "vlm":
-        from executive.eye import shipped
+        from executive.app.estimators import shipped
 
         model = model_digest(Path(str(shipped("grocery"))))
     return Contender(
         eye.name,
         setting,
         eye.kind,
-        EyeConfig() if eye.kind == "vlm" else None,
+        EstimatorConfig() if eye.kind == "vlm" else None,
         judge,
         model,
         {} if setting == FULL else {"max_looks_again": 0},

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from executive.domain import Domain
-from executive.lab import dataset
-from executive.lab.evaluate import Evaluation
+from executive.domain.loader import Domain
+from executive.lab.collection import dataset
+from executive.lab.evaluation.evaluate import Evaluation
 from executive.types import Atom, Facts, SkillResult, SkillStatus, Step
 
 Answers = Mapping[Atom, float]
@@ -30,15 +30,15 @@ class Moment(NamedTuple):
     answers: Answers | None = None
 
 
-Course = Sequence[Moment]
+RunState = Sequence[Moment]
 
 
-def courses(domain: Domain, number: int, length: int, seed: int) -> list[Course]:
+def courses(domain: Domain, number: int, length: int, seed: int) -> list[RunState]:
     """Random courses through the states of a domain of items, tables and a gripper."""
     return [_course(domain, length, np.random.default_rng([seed, each])) for each in range(number)]
 
 
-def recorded(domain: Domain, evaluation: Evaluation, data: Path) -> list[Course]:
+def recorded(domain: Domain, evaluation: Evaluation, data: Path) -> list[RunState]:
     """The looks of an evaluation, episode by episode, with all that was done in between.
 
     Raises:
@@ -47,9 +47,9 @@ def recorded(domain: Domain, evaluation: Evaluation, data: Path) -> list[Course]
     manifest = dataset.read_manifest(data)
     collection, looks = dataset.digest(manifest["collection"]), {each: row for row, each in enumerate(evaluation.looks)}
     said = evaluation.answers
-    found: list[Course] = []
+    found: list[RunState] = []
     for episode in sorted({episode for episode, _ in evaluation.looks}):
-        course: list[Moment] = []
+        run_state: list[Moment] = []
         done: list[tuple[Step, SkillResult]] = []
         step_number = 0
         for attempt in dataset.read_log(data, collection, episode).attempts:
@@ -62,10 +62,10 @@ def recorded(domain: Domain, evaluation: Evaluation, data: Path) -> list[Course]
                 pairs = zip(said.atoms, said.probability[row], strict=True)
                 answered = {atom: float(value) for atom, value in pairs if not np.isnan(value)}
                 truth = Facts(dict(zip(said.atoms, map(bool, said.truth[row]), strict=True)))
-                course.append(Moment(tuple(done), truth, answered))
+                run_state.append(Moment(tuple(done), truth, answered))
                 done = []
-        if course:
-            found.append(course)
+        if run_state:
+            found.append(run_state)
     return found
 
 
@@ -87,7 +87,7 @@ def graded(seed: int, clear: float = 3.4, spread: float = 1.1) -> Ask:
     return ask
 
 
-def _course(domain: Domain, length: int, rng: np.random.Generator) -> Course:
+def _course(domain: Domain, length: int, rng: np.random.Generator) -> RunState:
     items = [name for name, kind in domain.task.objects.items() if kind == "item"]
     tables = [name for name, kind in domain.task.objects.items() if kind == "table"]
     where = {item: str(rng.choice(tables)) for item in items}
@@ -99,7 +99,7 @@ def _course(domain: Domain, length: int, rng: np.random.Generator) -> Course:
             true.add(Atom("robot-gripper-empty"))
         return Facts.closed(true, domain.task.atoms)
 
-    course = [Moment((), facts())]
+    run_state = [Moment((), facts())]
     for _ in range(length):
         held = next((item for item in items if where[item] == "hand"), "")
         lying = [item for item in items if where[item] in tables]
@@ -112,8 +112,8 @@ def _course(domain: Domain, length: int, rng: np.random.Generator) -> Course:
         if rng.random() < 0.05:
             shoved = str(rng.choice([other for other in items if where[other] != "hand"]))
             where[shoved] = str(rng.choice(tables))
-        course.append(Moment(((step, SkillResult(step, status)),), facts()))
-    return course
+        run_state.append(Moment(((step, SkillResult(step, status)),), facts()))
+    return run_state
 
 
 def _carried_out(step: Step, where: dict[str, str], tables: Sequence[str], rng: np.random.Generator) -> SkillStatus:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.monitored.contenders import FULL, ORACLE, PLAIN, flipped
 from benchmarks.monitored.looks import Coverage, Line
-from executive.faults.kinds import PHYSICAL
+from executive.faults.catalogue import PHYSICAL
 from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.results import claimed, succeeded
 

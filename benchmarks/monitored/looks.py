@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.monitored.courses import Answers, Ask, Course
-from executive.domain import Domain
-from executive.monitor import ActionModel, Eye, FusedMonitor, Monitor, Network, PlainMonitor
-from executive.monitor.conformal import Conformal, look_scores
-from executive.trust import Trust, fit
+from benchmarks.monitored.courses import Answers, Ask, RunState
+from executive.app.sensor_fit import Trust, fit
+from executive.belief import ActionModel, BayesMonitor, Monitor, MutexNetwork, SensorModel, ThresholdMonitor
+from executive.belief.conformal import Conformal, look_scores
+from executive.domain.loader import Domain
 from executive.types import Belief, Facts
 
 ASKED = (0.8, 0.9, 0.95)
@@ -48,12 +48,12 @@ class Coverage(NamedTuple):
     measured: float
 
 
-def judged(monitor: Monitor, taken: Sequence[Course], ask: Ask | None = None, most_looks: int = 1) -> Figures:
+def judged(monitor: Monitor, taken: Sequence[RunState], ask: Ask | None = None, most_looks: int = 1) -> Figures:
     """How the monitor does on some courses; without an eye, on their recorded answers."""
     right = wrong = unknown = looks = moments = 0
-    for course in taken:
+    for run_state in taken:
         memory = monitor.begin()
-        for cycle, moment in enumerate(course):
+        for cycle, moment in enumerate(run_state):
             for step, result in moment.done:
                 memory = monitor.acted(memory, step, result)
             for _ in range(most_looks):
@@ -69,32 +69,34 @@ def judged(monitor: Monitor, taken: Sequence[Course], ask: Ask | None = None, mo
     return Figures(right / moments, wrong / moments, unknown / moments, looks / moments)
 
 
-def settings(domain: Domain, network: Network, eye: Eye, actions: ActionModel) -> Iterator[tuple[str, Monitor]]:
-    yield "plain threshold", PlainMonitor(domain.task.atoms)
-    yield "+ consistency", FusedMonitor(network, eye, actions=None)
-    yield "+ memory", FusedMonitor(network, eye, actions)
+def settings(
+    domain: Domain, network: MutexNetwork, eye: SensorModel, actions: ActionModel
+) -> Iterator[tuple[str, Monitor]]:
+    yield "plain threshold", ThresholdMonitor(domain.task.atoms)
+    yield "+ consistency", BayesMonitor(network, eye, actions=None)
+    yield "+ memory", BayesMonitor(network, eye, actions)
 
 
-def trusted(network: Network, taken: Sequence[Course], ask: Ask | None = None) -> Trust:
+def trusted(network: MutexNetwork, taken: Sequence[RunState], ask: Ask | None = None) -> Trust:
     """How far an eye can be trusted, by what it says of some courses."""
-    return fit([look for course in taken for look in _labelled(course, ask)], network)
+    return fit([look for run_state in taken for look in _labelled(run_state, ask)], network)
 
 
-def coverage(name: str, network: Network, taken: Sequence[Course], ask: Ask | None = None) -> list[Coverage]:
+def coverage(name: str, network: MutexNetwork, taken: Sequence[RunState], ask: Ask | None = None) -> list[Coverage]:
     """Measured as a run without memory judges looks. What the answers are worth is learned from every third course; the
     others calibrate and are judged, in `SPLITS` random halves: courses are as good as exchangeable, looks of one are
     not, and a single split would say more about chance than about the method."""
     eye = trusted(network, taken[::3], ask).eye
-    monitor = FusedMonitor(network, eye, actions=None)
+    monitor = BayesMonitor(network, eye, actions=None)
     scored = []
-    for number, course in enumerate(taken):
+    for number, run_state in enumerate(taken):
         if number % 3:
             looks = [
                 (monitor.looked(monitor.begin(), Belief(-1, answers), 0)[1].belief.probability, facts)
-                for answers, facts in _labelled(course, ask)
+                for answers, facts in _labelled(run_state, ask)
             ]
             scored.append([look_scores(probability, facts) for probability, facts in looks])
-    names = sorted({name for course in scored for look in course for name in look})
+    names = sorted({name for run_state in scored for look in run_state for name in look})
     shares: dict[tuple[str, float], list[float]] = {}
     rng = np.random.default_rng(0)
     for _ in range(SPLITS):
@@ -132,5 +134,5 @@ def told_coverage(found: Sequence[Coverage]) -> str:
     return "\n".join(lines)
 
 
-def _labelled(course: Course, ask: Ask | None) -> list[tuple[Answers, Facts]]:
-    return [(ask(moment.facts) if ask else moment.answers or {}, moment.facts) for moment in course]
+def _labelled(run_state: RunState, ask: Ask | None) -> list[tuple[Answers, Facts]]:
+    return [(ask(moment.facts) if ask else moment.answers or {}, moment.facts) for moment in run_state]

@@ -12,14 +12,14 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
-from executive import trust
-from executive.domain import load_domain
-from executive.eye import EyeConfig, settled
-from executive.faults.spoiled import SPOILED, most
-from executive.lab import evaluation_store
-from executive.lab.crew import Processes
-from executive.lab.evaluate import EvalConfig, Evaluation, Evaluator, Look, Opened, Said
-from executive.lab.progress import Progress, estimate
+from executive.app import sensor_fit
+from executive.app.estimators import EstimatorConfig, settled
+from executive.domain.loader import load_domain
+from executive.faults.image_noise import SPOILED, most
+from executive.lab.common.process_pool import Processes
+from executive.lab.common.progress import Progress, estimate
+from executive.lab.evaluation import store
+from executive.lab.evaluation.evaluate import EvalConfig, Evaluation, Evaluator, Look, Opened, Said
 
 HALF, NEAR = 0.5, 0.05
 """The exact-state rate that is looked for, and what is near enough."""
@@ -40,9 +40,9 @@ class Asked(NamedTuple):
 
 def shipped() -> str:
     """Tells the model that comes with the domain, as it answers, from another one."""
-    folder = Path(str(settled(EyeConfig(), load_domain("grocery").subject).vlm))
+    folder = Path(str(settled(EstimatorConfig(), load_domain("grocery").subject).vlm))
     content = hashlib.sha256()
-    for file in sorted(path for path in folder.iterdir() if path.name not in (trust.FILE, "README.md")):
+    for file in sorted(path for path in folder.iterdir() if path.name not in (sensor_fit.FILE, "README.md")):
         content.update(file.name.encode() + file.read_bytes())
     return content.hexdigest()[:12]
 
@@ -90,16 +90,16 @@ def _asked(data: Path, looks: int | None, out: Path, way: str) -> Asked:
 
 def _evaluation(data: Path, looks: int | None, out: Path, spoiled: str) -> Evaluation:
     folder = out / f"{spoiled or 'as-they-are'}-{'all' if looks is None else looks}"
-    if not (folder / evaluation_store.RESULTS).is_file():
+    if not (folder / store.RESULTS).is_file():
         folder.mkdir(parents=True, exist_ok=True)
-        config = EvalConfig("grocery", data, EyeConfig(), looks=looks, disturb=(spoiled,) if spoiled else ())
+        config = EvalConfig("grocery", data, EstimatorConfig(), looks=looks, disturb=(spoiled,) if spoiled else ())
         with Evaluator(config) as evaluator, Processes[Look, Opened | Said](evaluator.looker, 1) as crew:
             made = evaluator.run(crew, watch=_watch(spoiled or "as they are"))
         assert made is not None  # nobody cancels it
-        evaluation_store.save(folder, made)
+        store.save(folder, made)
         print(f"{spoiled or 'as they are'}: whole state right in {exact(made):.1%} of {len(made.looks)} looks",
               file=sys.stderr, flush=True)  # fmt: skip
-    return evaluation_store.load(folder)
+    return store.load(folder)
 
 
 def _watch(name: str) -> Callable[[Progress], None]:

@@ -6,15 +6,15 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from executive import trust
+from executive.app import sensor_fit
+from executive.belief import EXACT, ActionModel, BayesMonitor, Monitor, MutexNetwork, ThresholdMonitor
+from executive.core.loop import Executive
 from executive.faults import FaultInjector, faulty_estimator, parse_fault
 from executive.lab.campaign.design import Episode, Place
 from executive.lab.campaign.episode import Player, Row, out_of_reach, row
 from executive.lab.campaign.scoring import Scorer
-from executive.lab.crew import Tell
-from executive.loop import Executive
-from executive.monitor import EXACT, ActionModel, FusedMonitor, Monitor, Network, PlainMonitor
-from executive.trace.report import Collector
+from executive.lab.common.process_pool import Tell
+from executive.trace.report.summary import Collector
 from executive.types import Facts, NoPlan, NoPlanReason, Plan, Step, Task
 from tests.fakes import FREE, WATCHED, FakeSkill, FakeWorld, ScriptedEstimator, at, groups, held, pick, put, task
 
@@ -98,6 +98,6 @@ class Courier:
 def _monitor(episode: Episode, some: Task) -> Monitor:
     judge = episode.config.monitor
     if judge.threshold is not None:
-        return PlainMonitor(some.atoms)
-    eye = EXACT if judge.trust is None else trust.load(judge.trust, "things").eye
-    return FusedMonitor(Network(some.atoms, groups(some)), eye, ActionModel() if judge.memory else None)
+        return ThresholdMonitor(some.atoms)
+    eye = EXACT if judge.trust is None else sensor_fit.load(judge.trust, "things").eye
+    return BayesMonitor(MutexNetwork(some.atoms, groups(some)), eye, ActionModel() if judge.memory else None)

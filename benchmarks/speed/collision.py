@@ -11,10 +11,10 @@ from benchmarks.speed.queries import stage
 from benchmarks.speed.table import Row, side_by_side
 from executive.sim.scene import FINGER_JOINTS, GRIP_SITE, JOINTS
 from executive.sim.world import MujocoWorld
+from executive.skills import transforms
+from executive.skills.arm import arm_of
+from executive.skills.collision import Held
 from executive.types import FloatArray
-from skills import poses
-from skills.arm import arm_of
-from skills.collision import Held
 
 DEEP = 0.005
 """m; contacts deeper than this are never to be missed."""
@@ -56,7 +56,7 @@ class FullModel:
             hand[:3, :3] = self._data.site_xmat[self._site].reshape(3, 3)
             hand[:3, 3] = self._data.site_xpos[self._site]
             start = self._item[self._held.item]
-            self._data.qpos[start : start + 7] = poses.pose(hand @ self._held.in_hand)
+            self._data.qpos[start : start + 7] = transforms.pose(hand @ self._held.in_hand)
             mujoco.mj_kinematics(self.model, self._data)
         mujoco.mj_collision(self.model, self._data)
         return int(self._data.ncon)

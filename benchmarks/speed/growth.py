@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.speed.table import Row
-from executive.domain import load_domain
-from executive.eye import EyeConfig, open_eye
-from executive.pddl import read_task
-from executive.planning import FastDownwardPlanner
+from executive.app.estimators import EstimatorConfig, open_estimator
+from executive.domain.loader import load_domain
+from executive.domain.pddl import read_task
+from executive.planning.fast_downward import FastDownwardPlanner
 from executive.types import Atom, Facts
 
 ITEMS = (6, 12, 24, 48)
@@ -48,7 +48,7 @@ def measure(everything: bool) -> list[Row]:
 def _look(count: int, rounds: int) -> float:
     """Seconds for `count` questions about five pictures, taking them in included."""
     domain = load_domain("grocery")
-    eye = open_eye(EyeConfig(), domain.subject)
+    eye = open_estimator(EstimatorConfig(), domain.subject)
     rng = np.random.default_rng(0)
     images = [rng.integers(0, 255, (384, 384, 3), dtype=np.uint8) for _ in range(5)]
     own = [eye.questions.text[atom] for atom in domain.task.atoms]

@@ -8,17 +8,17 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from benchmarks.speed.table import Row
-from executive.domain import load_domain
-from executive.sim.drawing import sensed
+from executive.domain.loader import load_domain
+from executive.sim.rendering import sensed
 from executive.types import Observation
 
 
 def measure(everything: bool) -> list[Row]:
-    from executive.eye import EyeConfig, open_eye
+    from executive.app.estimators import EstimatorConfig, open_estimator
     from executive.sim.world import MujocoWorld
 
     domain = load_domain("grocery")
-    eye, atoms = open_eye(EyeConfig(), domain.subject), domain.task.atoms
+    eye, atoms = open_estimator(EstimatorConfig(), domain.subject), domain.task.atoms
     world = MujocoWorld(domain.scene, domain.task.objects)
     seen = world.observe()
     eye.estimate(seen, atoms)

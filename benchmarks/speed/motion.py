@@ -10,8 +10,8 @@ from benchmarks.speed.collision import FullModel
 from benchmarks.speed.planners import Contender, Found
 from benchmarks.speed.queries import Query, read, stage
 from benchmarks.speed.table import Row
-from skills.arm import Arm, arm_of
-from skills.motion import MotionPlanner
+from executive.skills.arm import Arm, arm_of
+from executive.skills.motion_planning import MotionPlanner
 
 BUDGET, LONG, PATIENCE = 0.05, 1.0, 10.0
 """Seconds: what ours has, what the baseline has, and after which a query counts as not to be solved by the baseline."""

@@ -8,9 +8,9 @@ from unittest import mock
 import mujoco
 
 from benchmarks.speed.table import Row, side_by_side
-from executive.domain import load_domain
+from executive.domain.loader import load_domain
 from executive.sim import meshes, scene
-from executive.sim.drawing import Drawing
+from executive.sim.rendering import Drawing
 
 
 def measure(everything: bool) -> list[Row]:

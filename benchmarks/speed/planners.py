@@ -12,7 +12,7 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from executive.sim.handle import ArmLimits
+from executive.sim.robot_api import ArmLimits
 from executive.types import FloatArray
 
 ou.setLogLevel(ou.LogLevel.LOG_NONE)

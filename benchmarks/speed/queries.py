@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from executive.sim.world import MujocoWorld
+from executive.skills.arm import Arm, Attempt
+from executive.skills.collision import Held
 from executive.types import FloatArray
-from skills.arm import Arm, Attempt
-from skills.collision import Held
 
 FILE = Path(__file__).parent / "data" / "queries.npz"
 SCENE = Path(__file__).parents[2] / "domains" / "grocery" / "scene.toml"
@@ -64,7 +64,7 @@ def stage(seed: int = 0) -> MujocoWorld:
 
 def _asked(seeds: range) -> Iterator[tuple[Query, bool]]:
     """Every query of the task, and whether it took planning."""
-    from executive.assemble import RunConfig, run
+    from executive.app.run import RunConfig, run
 
     said: list[tuple[Query, bool]] = []
     plan = Attempt.plan

@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable
 
 from benchmarks.speed.table import Row
-from executive.domain import load_domain
-from executive.pddl import Schema
-from executive.planning import FastDownwardPlanner
+from executive.domain.loader import load_domain
+from executive.domain.pddl import Schema
+from executive.planning.fast_downward import FastDownwardPlanner
 from executive.types import Atom, Facts, Plan
 
 

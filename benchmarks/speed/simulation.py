@@ -16,10 +16,10 @@ from benchmarks.speed.table import Row
 from executive.protocols import SkillContext
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
+from executive.skills.arm import arm_of
+from executive.skills.pick import pick
+from executive.skills.place import place
 from executive.types import Atom, Facts, Motion, Phase, Step
-from skills.arm import arm_of
-from skills.pick import pick
-from skills.place import place
 
 _MEANING = {"on-table": "on", "robot-gripping": "gripping", "robot-gripper-empty": "gripper-empty"}
 _WHAT = ("soda-can", "bread-loaf", "cereal-box")

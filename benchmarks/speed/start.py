@@ -14,7 +14,7 @@ _IMPORT = "import executive"
 _HELP = "import sys; sys.argv = ['executive', '--help']; from executive.__main__ import main; main()"
 _FIRST = """
 import cProfile, os, pstats, sys
-from skills.arm import Attempt
+from executive.skills.arm import Attempt
 folder, profiled = sys.argv[1], sys.argv[2] == "profiled"
 watch = cProfile.Profile()
 

@@ -11,10 +11,10 @@ STAGES = ("observe", "estimate", "plan", "motion", "guard", "skill", "other")
 
 
 def measure(everything: bool) -> list[Row]:
-    from executive import machine
-    from executive.assemble import RunConfig, run
+    from executive.app.run import RunConfig, run
+    from executive.util import requirements
 
-    machine.require()
+    requirements.require()
     with tempfile.TemporaryDirectory() as scratch:
         done = run(RunConfig("grocery", seed=3, faults=("drop@4",), runs=Path(scratch), name="task"))
     if done["outcome"] != "goal-reached":

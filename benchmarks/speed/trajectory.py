@@ -18,10 +18,10 @@ from scipy.sparse import coo_matrix, vstack
 
 from benchmarks.speed.queries import read, stage
 from benchmarks.speed.table import Row
-from executive.sim.handle import ArmLimits
+from executive.sim.robot_api import ArmLimits
+from executive.skills import trajectory
+from executive.skills.arm import arm_of
 from executive.types import FloatArray
-from skills import trajectory
-from skills.arm import arm_of
 
 _POINTS = 120
 _ROUNDS = 60

@@ -7,8 +7,7 @@ the traceback instead.
 Everything heavy is imported inside the command that needs it, so that `executive --help` answers at once.
 """
 
-from executive.cli.benching import bench
-from executive.cli.frame import (
+from executive.cli.app import (
     BAD_INPUT,
     BUG,
     INTERRUPTED,
@@ -20,10 +19,11 @@ from executive.cli.frame import (
     exit_code,
     main,
 )
-from executive.cli.house import doctor, domains, faults, new
-from executive.cli.replaying import replay
-from executive.cli.running import explain, inspect, resume, run
-from executive.cli.seeing import calibrate, collect, estimate, evaluate, train
+from executive.cli.campaign_commands import bench
+from executive.cli.replay_commands import replay
+from executive.cli.run_commands import explain, inspect, resume, run
+from executive.cli.setup_commands import doctor, domains, faults, new
+from executive.cli.vision_commands import calibrate, collect, estimate, evaluate, train
 
 __all__ = [
     "BAD_INPUT",

@@ -11,7 +11,7 @@ from executive.errors import InputError, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from executive.lab.crew import Crew, J, V, Work
+    from executive.lab.common.process_pool import Crew, J, V, Work
 
 ENGINES = ("processes", "ray")
 
@@ -35,14 +35,14 @@ def check(engine: str, address: str | None) -> None:
 def crew(
     prepare: Callable[[], Work[J, V]], jobs: int | None, engine: str, address: str | None, **chosen: Any
 ) -> Crew[J, V]:
-    """Whoever does the jobs; `chosen` are more settings of `executive.lab.crew.Processes`.
+    """Whoever does the jobs; `chosen` are more settings of `executive.lab.common.process_pool.Processes`.
 
     Raises:
         MissingError: Ray is not installed.
         ExecutiveError: Ray has no cluster there.
     """
-    from executive.lab.crew import Processes
-    from executive.lab.on_ray import OnRay
+    from executive.lab.common.process_pool import Processes
+    from executive.lab.common.ray_pool import OnRay
 
     if engine == "ray":
         return OnRay(prepare, jobs, address=address)

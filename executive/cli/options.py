@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executive import completion
+from executive.cli import completion
 from executive.errors import InputError
 
 if TYPE_CHECKING:
-    from executive.eye import EyeConfig
+    from executive.app.estimators import EstimatorConfig
 
 
 def _problems(ctx: typer.Context) -> completion.Offer:
@@ -78,16 +78,16 @@ def eye_config(
     cameras: Sequence[str] | None,
     abstention: bool,
     calibration: Path | None,
-) -> EyeConfig:
+) -> EstimatorConfig:
     """What these options come to.
 
     Raises:
         InputError: they do not go together.
     """
-    from executive.eye import NONE, EyeConfig
+    from executive.app.estimators import NONE, EstimatorConfig
 
     if no_instructions and instructions not in (None, NONE):
         raise InputError(f"does not go with --instructions {instructions}", key="--no-instructions")
     shown = tuple(name.strip() for names in cameras or () for name in names.split(","))
     told = NONE if no_instructions else True if instructions is None else instructions
-    return EyeConfig(vlm, server, translator, llm, told, per_image, calibration, shown, abstention)
+    return EstimatorConfig(vlm, server, translator, llm, told, per_image, calibration, shown, abstention)

@@ -6,10 +6,10 @@ injector.py   strikes at the moments that the loop tells of
 between.py    cameras, estimators, planners and skills that fail
 """
 
-from executive.faults.between import faulty_estimator, faulty_planner, faulty_skills, faulty_world
+from executive.faults.catalogue import KINDS, Kind
 from executive.faults.grammar import EVER, EXAMPLES, Fault, parse_fault, read_faults
 from executive.faults.injector import FaultInjector
-from executive.faults.kinds import KINDS, Kind
+from executive.faults.wrappers import faulty_estimator, faulty_planner, faulty_skills, faulty_world
 
 __all__ = [
     "EVER",

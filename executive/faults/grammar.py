@@ -10,7 +10,7 @@
     planner:crash,times=1@0     the first time that it is asked, before the first action
 
 An argument is `key=value`, or a bare word that says how. Either `@WHEN` or `p` says when; `@WHEN` may also follow the
-kind (`shove@3:item=lemon`). What each kind takes is in `executive.faults.kinds`.
+kind (`shove@3:item=lemon`). What each kind takes is in `executive.faults.catalogue`.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import NoReturn
 
 from executive.errors import InputError, nearest
-from executive.faults.kinds import KINDS, Kind
-from executive.faults.spoiled import SPOILED, most
-from executive.files import read_toml
+from executive.faults.catalogue import KINDS, Kind
+from executive.faults.image_noise import SPOILED, most
+from executive.util.files import read_toml
 
 EXAMPLES = "drop@4, drop:p=0.3,item=lemon, shove:item=lemon@3 or camera:front=black@5-8"
 EVER = 10**9
@@ -40,8 +40,8 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")
 @dataclass(frozen=True, slots=True)
 class Fault:
     """One thing to break: in the `action`-th action, or from there to the `until`-th (`EVER`: to the end), or else in
-    each action with probability `chance`. The rest is what the kind takes (see `executive.faults.kinds`); None or ""
-    leaves that to it.
+    each action with probability `chance`. The rest is what the kind takes (see `executive.faults.catalogue`); None or
+    "" leaves that to it.
 
     Raises:
         ValueError: both or neither of `action` and `chance`, or an `until` that is not after the action.

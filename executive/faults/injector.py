@@ -1,5 +1,5 @@
 """When faults strike: the injector is told by the loop how far it is, breaks the world, and says to whoever comes
-between the executive and its parts (`executive.faults.between`) what is broken now.
+between the executive and its parts (`executive.faults.wrappers`) what is broken now.
 
 Chance is drawn from the seed, the fault's place in the list and the action's number, and from nothing else: whoever
 carries out the n-th action meets the same faults, whatever happened before it.
@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
+from executive.faults.catalogue import BY_SOMEONE
 from executive.faults.grammar import Fault
-from executive.faults.kinds import BY_SOMEONE
 from executive.protocols import World
 from executive.types import FaultInjected, Phase, Step
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
+from executive.core.policy import Settings
 from executive.errors import InputError
-from executive.policy import Settings
-from executive.trace.codec import decode
+from executive.trace.record.codec import decode
 from executive.types import (
     Belief,
     Decision,

@@ -2,7 +2,7 @@
 
 Works without the rest of the executive:
 
-    from executive.domain import load_subject
+    from executive.domain.loader import load_subject
     from executive.s3e import S3E, Templates, instruct, load_instructions, observe
 
     subject = load_subject("grocery")                                    # or any folder with PDDL in it
@@ -19,12 +19,15 @@ OpenAI-compatible server, `ServerBackend(ChatServer("http://127.0.0.1:8000/v1"))
 The names below load no model and no library that runs one; those come with the first model that is made.
 """
 
-from executive.s3e.backend import LEAST_MASS, TRUE_FALSE, YES_NO, Answer, AnswerWords, Backend, Look
+from executive.s3e.backends.interface import LEAST_MASS, TRUE_FALSE, YES_NO, Answer, AnswerWords, Backend, Look
+from executive.s3e.backends.openai_backend import ServerBackend, ServerWriter
+from executive.s3e.backends.openai_client import ChatServer
+from executive.s3e.backends.transformers_backend import TransformersBackend
 from executive.s3e.calibration import Calibration
-from executive.s3e.chat import ChatServer
 from executive.s3e.estimator import S3E, Finding, View, Views, observe
 from executive.s3e.pictures import read_picture
-from executive.s3e.questions import (
+from executive.s3e.questions.language_model import LanguageModel, Reply, Writer
+from executive.s3e.questions.templates import (
     Templates,
     Translator,
     Untranslated,
@@ -33,10 +36,7 @@ from executive.s3e.questions import (
     load_instructions,
     load_questions,
 )
-from executive.s3e.server import ServerBackend, ServerWriter
-from executive.s3e.translators import LanguageModel, Reply, Writer
-from executive.s3e.vlm import TransformersBackend
-from executive.s3e.writer import LocalWriter
+from executive.s3e.questions.text_model import LocalWriter
 from executive.types import Questions
 
 __all__ = [

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from executive.errors import InputError, nearest
-from executive.files import read_json
 from executive.types import Atom, Belief, FloatArray
+from executive.util.files import read_json
 
 FILE = "calibration.json"
 """What the file is called that lies beside a model."""

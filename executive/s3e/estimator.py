@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from executive.errors import MissingError, nearest
-from executive.s3e.backend import LEAST_MASS, Answer, AnswerWords, Backend, Look
+from executive.s3e.backends.interface import LEAST_MASS, Answer, AnswerWords, Backend, Look
 from executive.types import Atom, Belief, Evidence, Image, Observation, Questions
 
 log = logging.getLogger(__name__)

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from executive.errors import InputError
-from executive.files import reason
 from executive.types import Image
+from executive.util.files import reason
 
 LARGEST_FILE = 200_000_000
 """Bytes; no file of a picture within `LARGEST` is larger."""

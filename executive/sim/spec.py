@@ -14,7 +14,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from executive.errors import DomainError, nearest
-from executive.files import read_toml
+from executive.util.files import read_toml
 
 Vec3 = tuple[float, float, float]
 Colour = tuple[float, float, float, float]

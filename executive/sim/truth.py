@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import mujoco
 
-from executive.sim.meaning import Meaning, read_meanings
+from executive.sim.relation_kinds import Meaning, read_meanings
 from executive.sim.relations import State
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Belief, Facts, Observation
@@ -20,7 +20,7 @@ class Truth:
 
     Args:
         world: the simulated world.
-        meaning: predicate -> the relation that is its truth (see `executive.sim.meaning`).
+        meaning: predicate -> the relation that is its truth (see `executive.sim.relation_kinds`).
         parameters: predicate -> the names of its parameters, to be held against the relation's.
         file: the domain file, for the error message.
 

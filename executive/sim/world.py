@@ -15,12 +15,13 @@ import mujoco
 import numpy as np
 
 from executive.errors import DomainError, InputError
-from executive.files import parse_arrays
-from executive.sim import mischief, placement, scene, scenery
-from executive.sim.drawing import Drawing, sensed
-from executive.sim.handle import ArmLimits, Handle
+from executive.sim import disturbances, placement, scene
+from executive.sim import viewer_geometry as scenery
+from executive.sim.rendering import Drawing, sensed
+from executive.sim.robot_api import ArmLimits, Handle
 from executive.sim.spec import SceneSpec, read_scene
 from executive.types import FloatArray, Frame, Image, Observation, Scenery
+from executive.util.files import parse_arrays
 
 CONTROL_PERIOD = 0.008
 """125 Hz, the rate of the UR controllers."""
@@ -84,7 +85,7 @@ class MujocoWorld:
     ) -> None:
         spec = read_scene(file).restricted_to(objects, file)
         self.items = tuple(item.name for item in spec.items)
-        added = mischief.boxes(spec, blockings)
+        added = disturbances.boxes(spec, blockings)
         self.boxes = tuple(box.name for box in added)
         self.spec: SceneSpec = spec.model_copy(update={"items": (*spec.items, *added)})
         self.model = compiled(self.spec, file)
@@ -199,9 +200,9 @@ class MujocoWorld:
         self._next_frame = self.time
 
     def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
-        return mischief.disturb(self, kind, rng, arguments)
+        return disturbances.disturb(self, kind, rng, arguments)
 
-    # What a skill drives (executive.sim.handle.Body).
+    # What a skill drives (executive.sim.robot_api.Body).
 
     def joints(self) -> FloatArray:
         return np.array(self.data.qpos[self._arm])
@@ -318,9 +319,9 @@ class MujocoWorld:
             for item, pose in poses.items():
                 self.put(item, pose)
             for number, box in enumerate(self.boxes):
-                self.put(box, mischief.aside(self.spec, number, float(self.shapes[box].half[2])))
+                self.put(box, disturbances.aside(self.spec, number, float(self.shapes[box].half[2])))
             if held is not None:
-                self.put(held, mischief.aside(self.spec, len(self.boxes), float(self.shapes[held].half[2])))
+                self.put(held, disturbances.aside(self.spec, len(self.boxes), float(self.shapes[held].half[2])))
             mujoco.mj_forward(self.model, self.data)
             if touched := self._touched_by_arm() - self._places.keys():
                 raise DomainError(f"there the arm touches {min(touched)}", file=file, key="robot.home")

@@ -4,11 +4,11 @@ One word for one thing: an *atom* is a grounded predicate, *facts* are signed at
 of each atom, a *verdict* is what an expectation becomes when a belief is held against it.
 """
 
+from executive.types.actions import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
 from executive.types.decisions import Decision, DecisionKind, Ground, OutcomeKind
-from executive.types.deeds import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
 from executive.types.events import Compared, Ended, Event, FaultInjected, Payload, Resumed, Revised, Started, Timing
 from executive.types.facts import Atom, Facts, FloatArray, Image
-from executive.types.looks import (
+from executive.types.observations import (
     Belief,
     Blinded,
     Contradiction,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from executive.types.deeds import SkillResult
+from executive.types.actions import SkillResult
 from executive.types.facts import Atom
 
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from executive.types.actions import Dispatched, Motion, Moved, Phase, SkillResult
 from executive.types.decisions import Decision, OutcomeKind
-from executive.types.deeds import Dispatched, Motion, Moved, Phase, SkillResult
 from executive.types.facts import Facts
-from executive.types.looks import Belief, Blinded, Guarded, Judged, Looked, Observation, Questions, Verdict
+from executive.types.observations import Belief, Blinded, Guarded, Judged, Looked, Observation, Questions, Verdict
 from executive.types.scenes import Frame, Scenery
 from executive.types.tasks import NoPlan, Plan, Probed, Task
 

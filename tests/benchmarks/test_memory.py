@@ -23,7 +23,7 @@ def test_it_is_drawn(tmp_path: Path) -> None:
 
 FREED = """
 from benchmarks import memory
-from executive import machine
+from executive.util import requirements as machine
 before = memory.resident()
 blocks = [bytearray(100_000) for _ in range(3000)]
 last = bytearray(100_000)  # at the end of the heap: what lies before it is not given back without being asked

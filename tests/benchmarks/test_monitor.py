@@ -17,13 +17,13 @@ from benchmarks.monitored import contenders, figures, looks, spoiling, symbolic
 from benchmarks.monitored.contenders import FULL, ORACLE, PLAIN, SETTINGS, flipped
 from benchmarks.monitored.courses import courses, flipping, graded
 from benchmarks.monitored.symbolic import GOAL, PLACES, THINGS, Courier
-from executive.domain import load_domain
+from executive.belief import EXACT, ActionModel, MutexNetwork
+from executive.domain.loader import load_domain
 from executive.faults import parse_fault
 from executive.lab.campaign.design import Episode
 from executive.lab.campaign.episode import Row
 from executive.lab.campaign.scoring import Strike
-from executive.monitor import EXACT, ActionModel, Network
-from executive.mutex import find_mutexes
+from executive.planning.mutex_groups import find_mutexes
 from executive.types import Facts, NoPlan, Plan
 from tests.fakes import FREE, at, held, task
 
@@ -108,7 +108,7 @@ def test_an_amount_is_found_at_which_half_is_right(where: float, steepness: floa
 
 def test_bad_pictures_are_a_fault_of_their_eye_and_their_trust_tells_one_from_another(tmp_path: Path) -> None:
     domain = load_domain("grocery")
-    network = Network(domain.task.atoms, find_mutexes(domain.parsed).groups)
+    network = MutexNetwork(domain.task.atoms, find_mutexes(domain.parsed).groups)
     taken = courses(domain, 6, 10, 0)
     some, other = (looks.trusted(network, taken, graded(seed)) for seed in (0, 1))
     first, again, second = (contenders.spoiled("noisy=40", trust, tmp_path) for trust in (some, some, other))
@@ -120,7 +120,7 @@ def test_bad_pictures_are_a_fault_of_their_eye_and_their_trust_tells_one_from_an
 
 def test_each_part_of_a_monitor_makes_more_of_the_same_looks() -> None:
     domain = load_domain("grocery")
-    network = Network(domain.task.atoms, find_mutexes(domain.parsed).groups)
+    network = MutexNetwork(domain.task.atoms, find_mutexes(domain.parsed).groups)
     taken = courses(domain, 6, 20, 0)
     exact = [
         looks.judged(each, taken, flipping(0.0, 0)) for _, each in looks.settings(domain, network, EXACT, ActionModel())

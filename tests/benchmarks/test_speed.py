@@ -11,8 +11,8 @@ import pytest
 from benchmarks.speed import queries, trajectory
 from benchmarks.speed.collision import FullModel
 from benchmarks.speed.table import Row, machine, plot, printed, side_by_side
-from executive.sim.handle import ArmLimits
-from skills.arm import arm_of
+from executive.sim.robot_api import ArmLimits
+from executive.skills.arm import arm_of
 from tests.executive.sim.stage import grocery
 
 

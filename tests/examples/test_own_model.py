@@ -10,7 +10,7 @@ import pytest
 from PIL import Image as Picture
 
 from examples.own_model import Colours, judge
-from executive.domain import load_subject
+from executive.domain.loader import load_subject
 from executive.protocols import Estimator
 from executive.s3e import S3E, Backend, Templates, observe
 from executive.types import Atom, Image, Observation

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.assemble import load_skills
-from executive.domain import Domain, load_domain
+from executive.app.run import load_skills
+from executive.domain.loader import Domain, load_domain
+from executive.domain.scaffold import create
 from executive.protocols import SkillContext
-from executive.scaffold import create
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Facts, SkillStatus, Step

@@ -15,9 +15,9 @@ from scipy.optimize import nnls
 
 from executive.sim.scene import FINGER_JOINTS, JOINTS
 from executive.sim.world import MujocoWorld
+from executive.skills import collision, convex_hulls
+from executive.skills.collision import CollisionModel, Held
 from executive.types import FloatArray
-from skills import collision, hulls
-from skills.collision import CollisionModel, Held
 from tests.executive.sim.stage import ROOT, grocery
 
 
@@ -116,14 +116,16 @@ def test_bodies_that_are_never_checked_cannot_touch(world: MujocoWorld) -> None:
 
 def in_world(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> FloatArray:
     """The corners of a geom's hull, (N, 3)."""
-    corners: FloatArray = hulls.hull(model, geom, 5e-4) @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+    corners: FloatArray = (
+        convex_hulls.hull(model, geom, 5e-4) @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+    )
     return corners
 
 
 def test_nothing_is_left_to_compile_after_an_installation() -> None:
     program = """
-from skills import sweep
-from skills.collision import CollisionModel
+from executive.skills import collision_kernels as sweep
+from executive.skills.collision import CollisionModel
 from tests.executive.sim.stage import grocery
 sweep.ready()
 kernels = (sweep.clear, sweep.all_clear, sweep.separation, sweep.arrange)
@@ -147,7 +149,7 @@ def test_the_distance_of_hulls_is_that_of_their_nearest_points(
 ) -> None:
     first = rng.normal(size=(first_count, 3))
     second = rng.normal(size=(second_count, 3)) + away * np.array([1.0, 0.5, -0.3])
-    found = hulls.apart(first, second)
+    found = convex_hulls.apart(first, second)
     assert found == pytest.approx(farthest_apart(first, second), abs=1e-4)
 
 
@@ -165,9 +167,9 @@ def farthest_apart(first: FloatArray, second: FloatArray) -> float:
 @given(points, st.floats(0.01, 0.5))
 def test_a_simplified_hull_lies_inside_and_leaves_little_out(rng: np.random.Generator, tolerance: float) -> None:
     cloud = rng.normal(size=(60, 3)) * rng.uniform(0.2, 2.0, 3)
-    kept = hulls.reduced(cloud, tolerance)
+    kept = convex_hulls.reduced(cloud, tolerance)
     assert {tuple(point) for point in kept} <= {tuple(point) for point in cloud}
     for point in cloud:
         assert farthest_apart(point[None], kept) <= tolerance + 1e-3
-    centre, radius = hulls.ball(cloud)
+    centre, radius = convex_hulls.ball(cloud)
     assert (np.linalg.norm(cloud - centre, axis=1) <= radius + 1e-9).all()

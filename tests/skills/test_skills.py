@@ -12,10 +12,10 @@ from executive.errors import InputError
 from executive.protocols import Skill, SkillContext, World
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
+from executive.skills import grasps, transforms
+from executive.skills.pick import pick
+from executive.skills.place import place
 from executive.types import Atom, Facts, Motion, Phase, SkillResult, SkillStatus, Step
-from skills import grasps, poses
-from skills.pick import pick
-from skills.place import place
 from tests.contracts import SkillContract
 from tests.executive.sim.stage import ITEMS, MEANING, OBJECTS, SCENE, TABLES, grocery
 
@@ -110,7 +110,7 @@ def test_after_a_grasp_that_missed_another_one_is_tried() -> None:
     source, before = robot.table_of("soda-can"), robot.world.snapshot()
     grips: list[np.ndarray] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("skills.arm._EMPTY_WIDTH", 1.0)  # the fingers feel nothing, whatever is between them
+        patch.setattr("executive.skills.arm._EMPTY_WIDTH", 1.0)  # the fingers feel nothing, whatever is between them
         for _ in range(3):
             robot.world.restore(before)
             robot.said.clear()
@@ -306,7 +306,7 @@ def test_grasps_close_across_what_fits_and_reach_down() -> None:
     for item, shape in world.shapes.items():
         quaternion = rng.normal(size=4)
         pose = np.concatenate([[0.4, 0.0, 0.9], quaternion / np.linalg.norm(quaternion)])
-        for rotation in (poses.matrix(world.obstacles()[item]), poses.matrix(pose)):
+        for rotation in (transforms.matrix(world.obstacles()[item]), transforms.matrix(pose)):
             for grasp in grasps.candidates(rotation, shape, 0.8):
                 assert np.allclose(grasp[:3, :3].T @ grasp[:3, :3], np.eye(3), atol=1e-9)
                 assert np.linalg.det(grasp[:3, :3]) == pytest.approx(1.0)
@@ -321,7 +321,7 @@ def test_resting_is_the_nearest_way_to_stand() -> None:
     for shape in world.shapes.values():
         for _ in range(20):
             quaternion = rng.normal(size=4)
-            item = poses.matrix(np.concatenate([[0, 0, 1], quaternion / np.linalg.norm(quaternion)]))
+            item = transforms.matrix(np.concatenate([[0, 0, 1], quaternion / np.linalg.norm(quaternion)]))
             rested = grasps.resting(item, shape)
             assert np.linalg.det(rested) == pytest.approx(1.0)
             flat = np.abs(rested[2])

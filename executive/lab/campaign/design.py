@@ -1,7 +1,7 @@
 """What a campaign is: problems, faults, seeds, and contenders that all meet the same of these.
 
 A *contender* is an estimator with a monitor; one that does not look has no monitor. The file that says all this is read
-by `executive.lab.campaign.reading`.
+by `executive.lab.campaign.config_file`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from executive.assemble import RunConfig
-from executive.eye import EyeConfig
-from executive.monitoring import MonitorConfig
-from executive.trace.codec import encode
+from executive.app.estimators import EstimatorConfig
+from executive.app.monitors import MonitorConfig
+from executive.app.run import RunConfig
+from executive.trace.record.codec import encode
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Contender:
     estimator: str
     monitor: str = ""
     kind: str = "oracle"
-    eye: EyeConfig | None = None
+    eye: EstimatorConfig | None = None
     judge: MonitorConfig = field(default_factory=MonitorConfig)
     model: str = ""
     """Tells whether the eye's model is what it was."""

@@ -11,21 +11,21 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executive.assemble import Run, RunConfig
-from executive.configuration import PATIENCE
+from executive.app.config import PATIENCE
+from executive.app.run import Run, RunConfig
 from executive.errors import ExecutiveError
 from executive.faults import parse_fault
-from executive.files import legible
 from executive.lab.campaign.design import KEYS, Episode
 from executive.lab.campaign.scoring import Scorer, Strike, Tally
-from executive.lab.crew import Ended, Tell
-from executive.trace.report import Summary
+from executive.lab.common.process_pool import Ended, Tell
+from executive.trace.report.summary import Summary
 from executive.types import Facts
+from executive.util.files import legible
 
 if TYPE_CHECKING:
-    from executive.eye import EyeConfig
+    from executive.app.estimators import EstimatorConfig
+    from executive.s3e.backends.shared_client import Address
     from executive.s3e.estimator import S3E
-    from executive.s3e.shared import Address
 
 FAILED = "failed"
 """The outcome of an episode that could not be played to an end: a bug, a set-up that is wrong, a process that died."""
@@ -90,7 +90,7 @@ class Simulated:
 
     def __init__(self, work: Path | None = None, models: Address | None = None) -> None:
         self._work, self._models = work, models
-        self._eyes: dict[tuple[str, str, EyeConfig], S3E] = {}
+        self._eyes: dict[tuple[str, str, EstimatorConfig], S3E] = {}
 
     def __call__(self, episode: Episode, tell: Tell = lambda done: None) -> Row:
         with tempfile.TemporaryDirectory(dir=self._work, prefix="episode-") as runs:
@@ -109,17 +109,17 @@ class Simulated:
         config = episode.config
         if config.estimator != "vlm":
             return None
-        from executive.domain import load_domain
-        from executive.eye import EyeConfig, open_eye
-        from executive.s3e.shared import SharedBackend
+        from executive.app.estimators import EstimatorConfig, open_estimator
+        from executive.domain.loader import load_domain
+        from executive.s3e.backends.shared_client import SharedBackend
 
-        key = (config.domain, episode.place.problem, config.eye or EyeConfig())
+        key = (config.domain, episode.place.problem, config.eye or EstimatorConfig())
         with suppress(ExecutiveError):  # a process that has ended may have a successor by now
             self._check(self._eyes.get(key))
         if key not in self._eyes:
             self._eyes.clear()
             load = None if self._models is None else partial(SharedBackend, self._models)
-            self._eyes[key] = open_eye(key[2], load_domain(config.domain, config.problem).subject, load)
+            self._eyes[key] = open_estimator(key[2], load_domain(config.domain, config.problem).subject, load)
         return self._eyes[key]
 
     def _check(self, eye: S3E | None) -> None:
@@ -128,7 +128,7 @@ class Simulated:
         Raises:
             ExecutiveError: it is not, and the eye is open no more.
         """
-        from executive.s3e.shared import SharedBackend
+        from executive.s3e.backends.shared_client import SharedBackend
 
         if eye is not None and isinstance(eye.backend, SharedBackend):
             try:

@@ -6,11 +6,11 @@ import json
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from executive.lab import pages
 from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.plots import MISTAKEN, end_of
 from executive.lab.campaign.results import HOW, METRICS, NO_VALUE, Cell, Results
 from executive.lab.campaign.tables import by_place, head, heads, value_of
+from executive.lab.common import html
 
 LISTED = 15
 """Episodes of each kind that are listed as worth a look."""
@@ -20,16 +20,16 @@ def page(results: Results, figures: Mapping[str, tuple[str, bytes]]) -> str:
     """The whole file; `figures` are heading -> (what is to be seen, PNG)."""
     manifest, rows = results.manifest, results.rows
     parts = [
-        f"<p>{pages.prose(manifest['about'])}</p>" if manifest["about"] else "",
-        pages.tags(_remarks(results)),
+        f"<p>{html.prose(manifest['about'])}</p>" if manifest["about"] else "",
+        html.tags(_remarks(results)),
         *_tables(results),
-        *(pages.figure(heading, text, png) for heading, (text, png) in figures.items()),
+        *(html.figure(heading, text, png) for heading, (text, png) in figures.items()),
         _definitions(),
         _listed("Episodes that claim what is not so", [row for row in rows if end_of(row) == MISTAKEN]),
         _listed("Episodes that could not be played to an end", [row for row in rows if row.outcome == FAILED]),
         _method(results),
     ]
-    return pages.page(manifest["title"], parts)
+    return html.page(manifest["title"], parts)
 
 
 def _remarks(results: Results) -> list[str]:
@@ -52,7 +52,7 @@ def _tables(results: Results) -> list[str]:
             f"<h2>{escape(place)}</h2>",
             _successes(cells),
             f"<p>{escape(HOW)} {escape(NO_VALUE)}</p>",
-            pages.table(heads(), rows, texts=2, grouped=True),
+            html.table(heads(), rows, texts=2, grouped=True),
         ]
     return parts
 
@@ -63,8 +63,8 @@ def _successes(cells: Sequence[Cell]) -> str:
     success, said = METRICS[0], dict[str, dict[str, str]]()
     for cell in cells:
         said.setdefault(cell.contender, {})[cell.faults] = _cell(*value_of(success, cell))
-    rows = [[escape(name), *(by_faults.get(each, pages.DASH) for each in faults)] for name, by_faults in said.items()]
-    return f'<div class="large">{pages.table([head(success), *faults], rows)}</div>'
+    rows = [[escape(name), *(by_faults.get(each, html.DASH) for each in faults)] for name, by_faults in said.items()]
+    return f'<div class="large">{html.table([head(success), *faults], rows)}</div>'
 
 
 def _cell(value: str, interval: str) -> str:
@@ -73,7 +73,7 @@ def _cell(value: str, interval: str) -> str:
 
 def _definitions() -> str:
     rows = [[escape(head(metric)), escape(metric.definition), metric.interval] for metric in METRICS]
-    return f"<h2>What the metrics are</h2>{pages.table(('metric', 'what it is', 'interval'), rows, texts=3)}"
+    return f"<h2>What the metrics are</h2>{html.table(('metric', 'what it is', 'interval'), rows, texts=3)}"
 
 
 def _listed(heading: str, rows: Sequence[Row]) -> str:

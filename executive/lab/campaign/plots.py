@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from executive.lab import drawing
 from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.results import METRICS, Cell, Metric, claimed
 from executive.lab.campaign.tables import head
+from executive.lab.common import figures
 from executive.types import OutcomeKind
 
 if TYPE_CHECKING:
@@ -42,19 +42,19 @@ def metrics(cells: Sequence[Cell]) -> bytes:
     contenders = list(dict.fromkeys(cell.contender for cell in cells))
     across = min(_ACROSS, max(1, len(shown)))
     rows = math.ceil(max(1, len(shown)) / across)
-    figure = drawing.figure(max(3.3, 1.2 + 0.62 * len(faults)) * across, 2.5 * rows + 0.25)
+    figure = figures.figure(max(3.3, 1.2 + 0.62 * len(faults)) * across, 2.5 * rows + 0.25)
     grid = figure.subplots(rows, across, squeeze=False)
     for axes, metric in zip(grid.flat, shown, strict=False):
         _panel(axes, metric, cells, faults, contenders)
     for axes in grid.flat[len(shown) :]:
         axes.axis("off")
-    drawing.legend(figure, contenders, columns=min(6, len(contenders)))
-    return drawing.png(figure)
+    figures.legend(figure, contenders, columns=min(6, len(contenders)))
+    return figures.png(figure)
 
 
 def outcomes(cells: Sequence[Cell]) -> bytes:
     """A PNG: a bar for each of these cells (of one problem) with the shares of episodes that ended in each way."""
-    figure = drawing.figure(9.2, 0.6 + 0.28 * len(cells) + 0.18 * len({cell.faults for cell in cells}))
+    figure = figures.figure(9.2, 0.6 + 0.28 * len(cells) + 0.18 * len({cell.faults for cell in cells}))
     axes, place, places = figure.subplots(), 0.0, list[float]()
     used: dict[str, None] = {}
     for number, cell in enumerate(cells):
@@ -68,7 +68,7 @@ def outcomes(cells: Sequence[Cell]) -> bytes:
                 used[end] = None
                 axes.barh(place, share, left=left, height=0.72, color=colour)
                 if share >= 0.06:
-                    ink = "white" if end != OutcomeKind.INTERRUPTED else drawing.INK
+                    ink = "white" if end != OutcomeKind.INTERRUPTED else figures.INK
                     middle, text = left + share / 2, f"{100 * share:.0f}"
                     axes.text(middle, place, text, ha="center", va="center", color=ink, fontsize=7)
             left += share
@@ -81,7 +81,7 @@ def outcomes(cells: Sequence[Cell]) -> bytes:
 
     handles = [Patch(color=ENDS[end], label=end) for end in ENDS if end in used]
     figure.legend(handles=handles, loc="outside upper left", frameon=False, fontsize=8, ncols=4)
-    return drawing.png(figure)
+    return figures.png(figure)
 
 
 def end_of(row: Row) -> str:
@@ -90,7 +90,7 @@ def end_of(row: Row) -> str:
 
 
 def _panel(axes: Axes, metric: Metric, cells: Sequence[Cell], faults: Sequence[str], contenders: Sequence[str]) -> None:
-    axes.set_title(head(metric), fontsize=8.5, loc="left", color=drawing.INK)
+    axes.set_title(head(metric), fontsize=8.5, loc="left", color=figures.INK)
     scale = 100.0 if metric.share else 1.0
     for number, name in enumerate(contenders):
         points = []
@@ -103,7 +103,7 @@ def _panel(axes: Axes, metric: Metric, cells: Sequence[Cell], faults: Sequence[s
         if points:
             x, y, below, above = zip(*points, strict=True)
             spread = [[max(0.0, scale * each) for each in side] for side in (below, above)]
-            colour = drawing.COLOURS[number % len(drawing.COLOURS)]
+            colour = figures.COLOURS[number % len(figures.COLOURS)]
             marks = [scale * each for each in y]
             axes.errorbar(
                 x, marks, yerr=spread, color=colour, fmt="o", markersize=4.2, capsize=2.5, linewidth=1.2, clip_on=False
@@ -115,7 +115,7 @@ def _panel(axes: Axes, metric: Metric, cells: Sequence[Cell], faults: Sequence[s
         axes.tick_params(axis="x", rotation=25)
     axes.set_xlim(-0.5, len(faults) - 0.5)
     axes.set_ylim(0.0, 100.0 if metric.share else None)
-    axes.tick_params(axis="y", labelsize=7.5, color=drawing.GREY)
+    axes.tick_params(axis="y", labelsize=7.5, color=figures.GREY)
     axes.tick_params(axis="x", length=0)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="y", color="#eceff3", linewidth=0.8)

@@ -11,7 +11,7 @@ from executive.errors import InputError
 from executive.lab.campaign import page, plots
 from executive.lab.campaign.results import Results
 from executive.lab.campaign.tables import by_place, markdown
-from executive.lab.dataset import write_atomically
+from executive.lab.collection.dataset import write_atomically
 
 PAGE, TEXT, NUMBERS = "report.html", "report.md", "report.json"
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from executive.lab.campaign.bench import read_manifest
+from executive.lab.campaign.campaign_folder import read_manifest
 from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.intervals import RESAMPLES, Interval, bootstrap, wilson
 from executive.lab.campaign.rows import read_rows
-from executive.lab.pages import DASH
+from executive.lab.common.html import DASH
 from executive.types import OutcomeKind
 
 

@@ -1,8 +1,7 @@
 """The record of a campaign: `episodes.jsonl`, one line an episode, written as each comes to its end.
 
-A line is on disk before the next episode is handed out in its place (`executive.lab.journal`). A damaged one is named,
-left out and played again.
-"""
+A line is on disk before the next episode is handed out in its place (`executive.lab.common.journal`). A damaged one is
+named, left out and played again."""
 
 from __future__ import annotations
 
@@ -12,12 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from executive.errors import InputError
-from executive.files import parse_json
 from executive.lab.campaign.episode import Row
-from executive.lab.dataset import write_atomically
-from executive.lab.journal import Journal, lines
-from executive.trace.codec import decode, encode
+from executive.lab.collection.dataset import write_atomically
+from executive.lab.common.journal import Journal, lines
+from executive.trace.record.codec import decode, encode
 from executive.types import OutcomeKind
+from executive.util.files import parse_json
 
 FILE = "episodes.jsonl"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
-from executive.compare import remaining
+from executive.core.compare import remaining
 from executive.types import (
     Blinded,
     Compared,

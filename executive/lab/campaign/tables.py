@@ -8,7 +8,7 @@ from executive.lab.campaign.compare import HOW as PAIRED
 from executive.lab.campaign.compare import Paired, Side
 from executive.lab.campaign.intervals import Interval
 from executive.lab.campaign.results import HOW, METRICS, NO_VALUE, Cell, Metric, Results
-from executive.lab.pages import DASH
+from executive.lab.common.html import DASH
 
 
 def markdown(results: Results) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic
 
-from executive.lab.crew import Ended, J, V, Work, outcome
+from executive.lab.common.process_pool import Ended, J, V, Work, outcome
 
 
 class Inline(Generic[J, V]):

@@ -8,7 +8,7 @@ import subprocess
 import time
 
 from executive.errors import InputError, MissingError
-from executive.lab.crew import Processes, Tell, done_by
+from executive.lab.common.process_pool import Processes, Tell, done_by
 
 
 class OddError(Exception):

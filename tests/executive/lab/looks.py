@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from executive.domain import load_subject
-from executive.lab import dataset
-from executive.lab.dataset import Attempt, Ending, Log, Point
+from executive.domain.loader import load_subject
+from executive.lab.collection import dataset
+from executive.lab.collection.dataset import Attempt, Ending, Log, Point
 from executive.types import Atom, Facts, Image
 from tests.executive.s3e.chat_server import Request, Response, completion
 from tests.executive.sim.stage import ROOT

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.lab import dataset
-from executive.lab.dataset import Attempt, Ending, Log, Point
+from executive.lab.collection import dataset
+from executive.lab.collection.dataset import Attempt, Ending, Log, Point
 from executive.types import Atom, Facts, Image
 
 ATOMS = (Atom("on", ("lemon", "table")), Atom("holding", ("lemon",)), Atom("hand-free"))

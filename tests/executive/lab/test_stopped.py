@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.lab import dataset
-from tests.executive.lab.test_crew import gone
+from executive.lab.collection import dataset
+from tests.executive.lab.common.test_process_pool import gone
 from tests.executive.sim.stage import ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.assemble import Run, RunConfig
-from executive.domain import load_domain
-from executive.eye import EyeConfig, open_eye, settled, shipped
-from executive.lab.eye.scenes import Sampler
-from executive.sim.studio import Lights, Shift, Studio
+from executive.app.estimators import EstimatorConfig, open_estimator, settled, shipped
+from executive.app.run import Run, RunConfig
+from executive.domain.loader import load_domain
+from executive.lab.training.scene_sampler import Sampler
+from executive.sim.relighting import Lights, Relighting, Shift
 from executive.types import Observation, OutcomeKind
 
 DOMAIN = load_domain("grocery")
@@ -43,8 +43,8 @@ def test_transformers_alone_loads_it(folder: Path) -> None:
 
 
 def test_it_is_what_is_meant_where_no_model_is_named(folder: Path) -> None:
-    assert settled(EyeConfig(), DOMAIN.subject).vlm == str(folder)
-    assert settled(EyeConfig(vlm="elsewhere"), DOMAIN.subject).vlm == "elsewhere"
+    assert settled(EstimatorConfig(), DOMAIN.subject).vlm == str(folder)
+    assert settled(EstimatorConfig(vlm="elsewhere"), DOMAIN.subject).vlm == "elsewhere"
 
 
 class Moments:
@@ -52,7 +52,7 @@ class Moments:
 
     def __init__(self) -> None:
         sampler = Sampler(DOMAIN, [20_261_122])
-        self.studio = Studio(sampler.world.model, sampler.world.spec)
+        self.studio = Relighting(sampler.world.model, sampler.world.spec)
         self.moments = [moment for _ in range(6) for moment in sampler.draw()]
         self.cameras = [camera.name for camera in sampler.world.spec.cameras]
         self._sampler = sampler
@@ -72,7 +72,7 @@ def moments() -> Iterator[Moments]:
 @pytest.mark.parametrize("harder", [False, True])
 def test_it_sees_moments_that_no_training_saw(moments: Moments, harder: bool) -> None:
     """Far below what an evaluation measures, and far above what could be guessed (three in four atoms are false)."""
-    eye, rng = open_eye(EyeConfig(), DOMAIN.subject), np.random.default_rng(0)
+    eye, rng = open_estimator(EstimatorConfig(), DOMAIN.subject), np.random.default_rng(0)
     right, atoms = [], DOMAIN.task.atoms
     for number, moment in enumerate(moments.moments):
         lights = Lights.drawn(rng) if harder else None

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from executive.s3e.checkpoint import inspect
-from executive.s3e.loading import load_processor
+from executive.s3e.backends.checkpoint import inspect
+from executive.s3e.backends.loading import load_processor
 from tests.executive.s3e.chat_server import Request, Response, completion
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from executive.s3e.vlm import TransformersBackend
+from executive.s3e.backends.transformers_backend import TransformersBackend
 from tests.executive.s3e.checkpoints import build
 from tests.executive.s3e.looking import Pick
 

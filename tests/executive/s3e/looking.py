@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from executive.s3e.backend import Answer
-from executive.s3e.vlm import TransformersBackend
+from executive.s3e.backends.interface import Answer
+from executive.s3e.backends.transformers_backend import TransformersBackend
 from executive.types import Image
 
 Pick = Callable[..., TransformersBackend]

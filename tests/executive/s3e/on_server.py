@@ -6,9 +6,9 @@ import hashlib
 
 import numpy as np
 
-from executive.s3e.backend import Look
-from executive.s3e.chat import ChatServer, Patience
-from executive.s3e.server import ServerBackend, ServerWriter
+from executive.s3e.backends.interface import Look
+from executive.s3e.backends.openai_backend import ServerBackend, ServerWriter
+from executive.s3e.backends.openai_client import ChatServer, Patience
 from executive.types import Image
 from tests.executive.s3e.chat_server import ChatServerUnderTest, Request, Response, completion
 

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from executive.errors import InputError, MissingError
 from executive.protocols import Estimator
 from executive.s3e import LEAST_MASS, S3E, YES_NO, Answer, AnswerWords, Backend, Look, Questions, Untranslated, observe
-from executive.trace.codec import decode, encode
+from executive.trace.record.codec import decode, encode
 from executive.types import Atom, Belief, Evidence, Image, Observation
 from tests.executive.s3e.fakes import FakeBackend, FakeLook, Said, picture
-from tests.executive.s3e.test_questions import TRAY
+from tests.executive.s3e.questions.test_templates import TRAY
 
 ATOMS = tuple(Atom("on", (item, table)) for item in "abc" for table in "xy")
 QUESTIONS = Questions({atom: f"Is {atom}?" for atom in ATOMS}, "Answer yes or no.", "templates")
@@ -63,7 +63,7 @@ def test_cameras_are_chosen_and_ordered() -> None:
 
 
 def test_without_translation_the_answers_are_true_and_false() -> None:
-    from executive.domain import load_subject
+    from executive.domain.loader import load_subject
 
     subject = load_subject(TRAY)
     backend = FakeBackend(lambda question, images: (0.2, 0.8))

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from executive.domain.pddl import read_task, read_vocabulary
 from executive.errors import DomainError
-from executive.pddl import read_task, read_vocabulary
 from executive.types import Atom, Task
-from tests.executive.test_pddl import PAIRS
+from tests.executive.domain.pddl.test_reader import PAIRS
 
 
 @st.composite

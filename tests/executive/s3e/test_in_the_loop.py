@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.loop import Executive
+from executive.core.loop import Executive
 from executive.protocols import Asking
 from executive.s3e import S3E, LanguageModel, Questions, generic
-from executive.trace.codec import decode, encode
-from executive.trace.story import Story
-from executive.trace.terminal_view import event_line
+from executive.trace.record.codec import decode, encode
+from executive.trace.story.story import Story
+from executive.trace.terminal.view import event_line
 from executive.types import Atom, Belief, Facts, Image, Observation, OutcomeKind, Started
 from tests.executive.s3e.fakes import FakeBackend, FakeWriter, Said
 from tests.fakes import FakeWorld, ScriptedEstimator, Stage, at
@@ -90,7 +90,7 @@ def test_an_estimator_that_asks_nothing_in_words_is_left_alone() -> None:
 
 
 def test_the_record_of_a_run_keeps_questions_and_evidence(tmp_path: Path) -> None:
-    from executive.trace.events import EventLog, read_events
+    from executive.trace.record.log import EventLog, read_events
 
     stage, _ = played(lambda atom, truth: (0.7, 0.1) if truth else (0.1, 0.7))
     log = EventLog(tmp_path)

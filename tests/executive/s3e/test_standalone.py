@@ -49,7 +49,7 @@ def test_importing_it_loads_nothing_heavy() -> None:
 
 def test_templates_are_read_and_a_belief_is_made_without_a_model() -> None:
     statement = (
-        "from executive.domain import load_subject\n"
+        "from executive.domain.loader import load_subject\n"
         "from executive.s3e import load_questions, observe\n"
         "subject = load_subject('grocery')\n"
         "load_questions(subject.questions, subject.task)"

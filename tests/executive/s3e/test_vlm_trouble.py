@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from executive.errors import InputError
-from executive.s3e import prefix
-from executive.s3e.vlm import TransformersBackend
+from executive.s3e.backends import prefix_cache
+from executive.s3e.backends.transformers_backend import TransformersBackend
 from tests.executive.s3e.checkpoints import build
 from tests.executive.s3e.looking import QUESTIONS, SYSTEM, Pick, apart, pictures
 
@@ -163,8 +163,8 @@ def fresh(checkpoint: Callable[[str], Path]) -> Callable[[str], TransformersBack
 
 
 def one_position_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    shift = prefix._shift
-    monkeypatch.setattr(prefix, "_shift", lambda model: shift(model) + 1)
+    shift = prefix_cache._shift
+    monkeypatch.setattr(prefix_cache, "_shift", lambda model: shift(model) + 1)
 
 
 def questions_that_see_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +201,7 @@ def the_model_raises(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(self: Any, group: Any) -> Any:
         raise RuntimeError("no such thing here\nand a second line")
 
-    monkeypatch.setattr(prefix.Prefix, "_row", run)
+    monkeypatch.setattr(prefix_cache.Prefix, "_row", run)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def test_a_model_that_does_not_share_is_asked_one_by_one(
 def test_qwen_without_its_shift_would_be_caught(
     fresh: Callable[[str], TransformersBackend], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(prefix, "_shift", lambda model: 0)
+    monkeypatch.setattr(prefix_cache, "_shift", lambda model: 0)
     assert fresh("qwen2.5-vl").look(pictures(1), SYSTEM).path == "one by one"
 
 
@@ -269,7 +269,7 @@ def test_when_sharing_fails_on_the_way_the_rest_is_asked_one_by_one(
             raise MemoryError("no room")
         return forward(**arguments)
 
-    monkeypatch.setattr(prefix, "AT_ONCE", 40)
+    monkeypatch.setattr(prefix_cache, "AT_ONCE", 40)
     monkeypatch.setattr(look._prefix._model, "forward", failing)  # type: ignore[union-attr]
     assert apart(look.ask(QUESTIONS), expected) < 1e-5
     assert len(calls) > 3

@@ -17,11 +17,11 @@ import pytest
 from PIL import Image as Picture
 from rerun.chunk import RrdReader
 
-from executive.assemble import RunConfig, run
-from executive.trace.screenshot import screenshot
-from executive.trace.viewer_process import TRACE_FILE
+from executive.app.run import RunConfig, run
+from executive.trace.viewer.process import TRACE_FILE
+from executive.trace.viewer.screenshot import screenshot
 from executive.types import Ended, Event, FaultInjected, Frame, Motion, Scenery
-from tests.executive.trace.test_screenshot import draws
+from tests.executive.trace.viewer.test_screenshot import draws
 from tests.fakes import Recorder
 
 FALLING = 0.16

@@ -12,15 +12,15 @@ import time
 from dataclasses import replace
 from types import MappingProxyType
 
+from executive.belief import ThresholdMonitor, Thresholds
+from executive.core.policy import Settings
 from executive.faults import FaultInjector, parse_fault
 from executive.lab.campaign.design import Campaign, Contender, Episode, Place
 from executive.lab.campaign.episode import Player, Row, out_of_reach, row
 from executive.lab.campaign.scoring import Scorer, Tally
-from executive.lab.crew import Tell
-from executive.monitor import PlainMonitor, Thresholds
-from executive.policy import Settings
+from executive.lab.common.process_pool import Tell
 from executive.protocols import Sink
-from executive.trace.report import Collector
+from executive.trace.report.summary import Collector
 from executive.types import Atom, Event, Facts
 from tests.executive.lab.inline import Inline
 from tests.fakes import Recorder, ScriptedEstimator, Stage, at
@@ -67,7 +67,7 @@ def staged(episode: Episode) -> Stage:
         stage.estimator = ScriptedEstimator(stage.world, scripted=answer)
     if episode.config.monitor.threshold is not None:
         threshold = episode.config.monitor.threshold
-        stage.monitor = PlainMonitor(stage.task.atoms, Thresholds(threshold, threshold))
+        stage.monitor = ThresholdMonitor(stage.task.atoms, Thresholds(threshold, threshold))
     stage.faults = FaultInjector([parse_fault(spec) for spec in episode.config.faults], stage.world, seed)
     return stage
 

@@ -9,14 +9,15 @@ from typing import Any
 
 import pytest
 
-from executive import assemble, cli
-from executive.assemble import RunConfig
+from executive import cli
+from executive.app import run
+from executive.app.estimators import EstimatorConfig
+from executive.app.monitors import MonitorConfig
+from executive.app.run import RunConfig
 from executive.errors import InputError, MissingError
-from executive.eye import EyeConfig
 from executive.lab.campaign.design import Contender, Episode, Place
 from executive.lab.campaign.episode import FAILED, Simulated, command, out_of_reach, row_of
-from executive.lab.crew import Ended
-from executive.monitoring import MonitorConfig
+from executive.lab.common.process_pool import Ended
 from executive.types import Facts
 from tests.executive.lab.campaign.players import campaign
 
@@ -30,12 +31,12 @@ CONFIGS: list[dict[str, Any]] = [
     {"max_cycles": 5, "max_looks": 6, "max_seconds": 7.5, "patience": 8.0},
     {"monitor": MonitorConfig(alpha=0.1, memory=False, trust=Path("a file"))},
     {"monitor": MonitorConfig(threshold=0.7)},
-    {"estimator": "vlm", "eye": EyeConfig("a folder", None, "none", None, False, True, Path("c.json"))},
+    {"estimator": "vlm", "eye": EstimatorConfig("a folder", None, "none", None, False, True, Path("c.json"))},
     {
         "estimator": "vlm",
-        "eye": EyeConfig("a folder", cameras=("front", "left"), abstention=False, instructions="paper"),
+        "eye": EstimatorConfig("a folder", cameras=("front", "left"), abstention=False, instructions="paper"),
     },
-    {"estimator": "vlm", "eye": EyeConfig(server="http://127.0.0.1:8000/v1", translator="llm", llm="small")},
+    {"estimator": "vlm", "eye": EstimatorConfig(server="http://127.0.0.1:8000/v1", translator="llm", llm="small")},
 ]
 
 
@@ -48,8 +49,8 @@ def test_the_command_carries_out_the_same_run(chosen: dict[str, Any], monkeypatc
         made.append(config)
         raise InputError("enough")
 
-    monkeypatch.setattr(assemble, "Run", remember)
-    monkeypatch.setattr("executive.machine.require", lambda: None)
+    monkeypatch.setattr(run, "Run", remember)
+    monkeypatch.setattr("executive.util.requirements.require", lambda: None)
     wanted = RunConfig("grocery", **chosen)
     assert cli.exit_code(shlex.split(command(wanted))[1:]) == cli.BAD_INPUT
     assert made == [wanted]

@@ -17,14 +17,14 @@ from hypothesis import strategies as st
 from executive import cli
 from executive.errors import InputError
 from executive.lab.campaign import compare, report
-from executive.lab.campaign.bench import Bench
+from executive.lab.campaign.campaign_folder import Bench
 from executive.lab.campaign.design import Contender
 from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.intervals import bootstrap, mcnemar, wilson
 from executive.lab.campaign.results import METRICS, Results, load_results, results, value
 from executive.lab.campaign.scoring import Strike
 from executive.lab.campaign.tables import heads, markdown, value_of
-from executive.lab.pages import DASH
+from executive.lab.common.html import DASH
 from tests.executive.lab.campaign.players import FAULTS, Here, campaign, play
 
 METRIC = {metric.name: metric for metric in METRICS}
@@ -287,7 +287,7 @@ def test_the_command_line_reports_and_compares(folder: Path, capsys: pytest.Capt
 def test_what_cannot_be_done_is_one_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, arguments: list[str], told: str
 ) -> None:
-    monkeypatch.setattr("executive.machine.require", lambda: None)
+    monkeypatch.setattr("executive.util.requirements.require", lambda: None)
     assert cli.exit_code(["bench", *arguments]) == cli.BAD_INPUT
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)

@@ -13,15 +13,15 @@ from typing import Any
 import pytest
 
 from executive import cli
-from executive.assemble import RunConfig
-from executive.cli import benching
-from executive.eye import EyeConfig
+from executive.app.estimators import EstimatorConfig
+from executive.app.run import RunConfig
+from executive.cli import campaign_commands
 from executive.lab.campaign.design import Contender, Episode, Place
 from executive.lab.campaign.episode import Row, Simulated, row_of
-from executive.lab.crew import Processes
-from executive.s3e.backend import YES_NO, Answer, AnswerWords, Backend
-from executive.s3e.host import ModelHost
-from executive.s3e.shared import HostEndedError, kept
+from executive.lab.common.process_pool import Processes
+from executive.s3e.backends.interface import YES_NO, Answer, AnswerWords, Backend
+from executive.s3e.backends.shared_client import HostEndedError, kept
+from executive.s3e.backends.shared_host import ModelHost
 from executive.types import Image
 from tests.executive.lab.campaign import players
 from tests.executive.lab.campaign.players import lasting
@@ -37,7 +37,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def episodes(model: Path, seeds: int) -> list[Episode]:
-    eye = EyeConfig(str(model))
+    eye = EstimatorConfig(str(model))
     who = Contender("tiny", kind="vlm", eye=eye)
     place = Place("tray", "fill-tray", str(TRAY))
     limits: dict[str, Any] = {"viewer": False, "max_actions": 1, "max_looks": 4, "max_replans": 2}
@@ -124,7 +124,7 @@ def test_before_an_episode_is_handed_out_there_is_time_to_see_to_things() -> Non
     assert told == [0, 1]
 
 
-LOCAL, DISTANT = EyeConfig("a folder"), EyeConfig(server="http://127.0.0.1:9/v1")
+LOCAL, DISTANT = EstimatorConfig("a folder"), EstimatorConfig(server="http://127.0.0.1:9/v1")
 SEEING = Contender("vlm", kind="vlm")
 BLIND = [Contender("oracle"), Contender("distant", kind="vlm", eye=DISTANT)]
 
@@ -155,8 +155,8 @@ def test_a_model_is_shared_where_that_saves_a_gpu_from_more_of_them_or_it_is_wan
     wanted = [
         Episode(place, "none", who, 0, RunConfig(str(TRAY), estimator=who.kind, eye=who.eye)) for who in contenders
     ]
-    monkeypatch.setattr("executive.s3e.loading.has_gpu", lambda: gpu)
-    with benching._processes(tmp_path, wanted, jobs, 600.0, said) as crew:
+    monkeypatch.setattr("executive.s3e.backends.loading.has_gpu", lambda: gpu)
+    with campaign_commands._processes(tmp_path, wanted, jobs, 600.0, said) as crew:
         assert isinstance(crew, Processes)
         assert (crew.free, crew.gather(0.0)) == (jobs, [])
         assert (len(crew._prepare.args) == 2) is shared  # type: ignore[attr-defined]

@@ -1,0 +1,182 @@
+"""What a run is asked to do: all that decides how it goes, and the folder that keeps it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import re
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from executive.app.estimators import EstimatorConfig
+from executive.app.monitors import MonitorConfig
+from executive.core.policy import Settings
+from executive.domain.loader import Domain
+from executive.errors import InputError, nearest
+from executive.util.atomic_write import write_whole
+from executive.util.files import check_writable, legible, read_toml, reason
+
+CONFIG = "config.toml"
+"""The file in a run's folder that says what it was asked to do."""
+
+ESTIMATORS = ("oracle", "vlm", "none")
+
+PATIENCE = 900.0
+"""Wall seconds after which a look, a plan or an action is ended, unless told otherwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunConfig:
+    """All that decides how a run goes; `config.toml` in the run's folder holds the same.
+
+    `domain` is a folder or a shipped domain's name. `faults` are in the grammar of `executive.faults`. `grasp_noise`
+    is a standard deviation in m. `max_*` are limits of `executive.core.policy.Settings`, `patience` are the seconds on
+    the wall's clock after which a look, a plan or an action is ended, and without `guard` nobody looks after what is
+    carried. `runs` is where the run's own folder is made, `name` what it is called. `tree` has the trees that motions
+    are searched for with in the trace. `eye` says how the estimator "vlm" sees, `monitor` what is made of what is seen.
+    """
+
+    domain: str
+    problem: str | None = None
+    seed: int = 0
+    estimator: str = "vlm"
+    faults: tuple[str, ...] = ()
+    home_pose: bool = True
+    grasp_noise: float = 0.0
+    max_replans: int | None = None
+    max_actions: int | None = None
+    max_cycles: int | None = None
+    max_looks: int | None = None
+    max_seconds: float | None = None
+    patience: float = PATIENCE
+    max_looks_again: int | None = None
+    max_questions: int | None = None
+    guard: bool = True
+    runs: Path = Path("runs")
+    name: str | None = None
+    viewer: bool = True
+    tree: bool = False
+    eye: EstimatorConfig | None = None
+    monitor: MonitorConfig = field(default_factory=MonitorConfig)
+
+    def __post_init__(self) -> None:
+        if self.estimator not in ESTIMATORS:
+            raise InputError(
+                f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator"
+            )
+        if self.estimator != "vlm" and self.eye is not None:
+            raise InputError(
+                f"{self.estimator!r} asks no model; --vlm and --server go with --estimator vlm", key="--estimator"
+            )
+        if not 0.0 <= self.grasp_noise <= 1.0:
+            raise InputError(f"a standard deviation in m, from 0 to 1, not {self.grasp_noise}", key="--grasp-noise")
+        if not 0.0 < self.patience < math.inf:
+            raise InputError(f"seconds above zero, not {self.patience}", key="--patience")
+        for name in ("seed", "max_replans", "max_actions", "max_cycles", "max_looks", "max_looks_again"):
+            value, key = getattr(self, name), f"--{name.replace('_', '-')}"
+            if value is not None and not 0 <= value < 2**63:  # TOML has no larger ones
+                raise InputError(f"{value} is not a number from 0 to 2^63 - 1", key=key)
+        if self.max_seconds is not None and not 0.0 <= self.max_seconds < math.inf:
+            raise InputError(f"seconds from zero on, not {self.max_seconds}", key="--max-seconds")
+        if self.max_questions is not None and self.max_questions < 1:
+            raise InputError(f"at least one question a look, not {self.max_questions}", key="--max-questions")
+        if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):
+            raise InputError(f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'", key="--name")
+
+    def settings(self) -> Settings:
+        names = (
+            "max_replans",
+            "max_actions",
+            "max_cycles",
+            "max_looks",
+            "max_seconds",
+            "max_looks_again",
+            "max_questions",
+        )
+        limits = {name: value for name in names if (value := getattr(self, name)) is not None}
+        if not self.guard:
+            limits["guard_looks"] = 0
+        return Settings(seed=self.seed, **limits)
+
+
+def check_folder(config: RunConfig) -> None:
+    """Have it said before anything is loaded that there can be no folder for the run.
+
+    Raises:
+        InputError: nothing can be written where it would be, or there is a run of that name.
+    """
+    check_writable(config.runs, "--runs")
+    if config.name is not None and os.path.lexists(config.runs / config.name):
+        raise _taken(config.runs / config.name)
+
+
+def _taken(folder: Path) -> InputError:
+    return InputError("there is a run of this name already; choose another with --name", file=folder)
+
+
+def make_folder(config: RunConfig, domain: Domain) -> Path:
+    """The run's folder, with its configuration in it."""
+    if config.name is not None:
+        names = [config.name]
+    else:
+        stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{domain.name}-{domain.task.problem}-{config.seed}"
+        names = [stem, *(f"{stem}-{index}" for index in range(2, 100))]
+    for name in names:
+        folder = config.runs / name
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except (OSError, ValueError) as error:
+            raise InputError(f"cannot be made: {reason(error)}", file=folder, key="--runs") from error
+        write_whole(folder / CONFIG, _toml(config).encode())
+        return folder
+    raise _taken(config.runs / names[0])
+
+
+def read_config(run: Path) -> RunConfig:
+    """The configuration of a run, from its folder.
+
+    Raises:
+        InputError: there is none in it, or a damaged one.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    file = run / CONFIG
+    if not os.path.exists(file):
+        raise InputError("is missing: it is not known what the run was asked to do", file=file)
+    said = read_toml(file)
+    try:
+        return TypeAdapter(RunConfig).validate_python(said)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(first["msg"], file=file, key=".".join(map(str, first["loc"]))) from None
+    except InputError as error:
+        raise InputError(error.message, file=file, key=error.key) from None
+
+
+def _toml(config: RunConfig) -> str:
+    lines = ["# All that decides how this run went.", *_settings(config)]
+    for name, table in (("eye", config.eye), ("monitor", config.monitor)):
+        lines += ["", f"[{name}]", *_settings(table)] if table is not None else []
+    return "\n".join(lines) + "\n"
+
+
+def _written(value: object) -> object:
+    """As it is in the file, where half a character, as it may be in a path, cannot be."""
+    if isinstance(value, tuple):
+        return [_written(each) for each in value]
+    return legible(str(value)) if isinstance(value, str | Path) else value
+
+
+def _settings(config: RunConfig | EstimatorConfig | MonitorConfig) -> list[str]:
+    """A line for everything that is set. A JSON string, number, boolean or array of strings is a TOML one."""
+    values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
+    return [
+        f"{name} = {json.dumps(_written(value))}".replace("\x7f", "\\u007f")
+        for name, value in values.items()
+        if value is not None and not isinstance(value, EstimatorConfig | MonitorConfig)
+    ]

@@ -1,0 +1,385 @@
+"""From a configuration to a finished run: the one place where domain, world, skills, planner, estimator, faults and
+sinks are put together. Everything that it builds could be built by hand; see README, "In Python"."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from executive.app.config import CONFIG, ESTIMATORS, RunConfig, check_folder, make_folder, read_config
+from executive.app.estimators import EstimatorConfig, open_estimator, settled
+from executive.app.monitors import open_monitor
+from executive.app.resume import PastRun
+from executive.core.attention import Attention
+from executive.core.loop import Executive
+from executive.core.run_state import RunState
+from executive.core.session import INTERRUPTED
+from executive.core.time_limits import punctual_estimator, punctual_planner, punctual_preparing, punctual_skills
+from executive.domain.loader import Domain, load_domain
+from executive.errors import DomainError, InputError, nearest
+from executive.faults import (
+    Fault,
+    FaultInjector,
+    faulty_estimator,
+    faulty_planner,
+    faulty_skills,
+    faulty_world,
+    parse_fault,
+)
+from executive.planning.fast_downward import FastDownwardPlanner
+from executive.protocols import Estimator, Planner, Preparing, Recalling, Sink, Skill
+from executive.trace.record import monitor_file
+from executive.trace.record.log import EventLog
+from executive.trace.record.snapshots import Snapshots
+from executive.trace.record.thresholds import thresholds
+from executive.trace.report.summary import SUMMARY_FILE, Collector, Summary, write_summary
+from executive.types import Atom, Facts, NoPlan, NoPlanReason, Plan, Step
+from executive.util import requirements
+
+if TYPE_CHECKING:
+    from executive.s3e.estimator import S3E
+    from executive.sim.initial_state import Setting
+    from executive.sim.truth import Truth
+    from executive.sim.world import MujocoWorld
+
+__all__ = [
+    "CONFIG",
+    "ESTIMATORS",
+    "Run",
+    "RunConfig",
+    "load_attention",
+    "load_moves",
+    "load_skills",
+    "parse_faults",
+    "read_config",
+    "resume",
+    "run",
+]
+
+
+class Run:
+    """One run, put together and ready to `execute`. A context manager that frees what it holds.
+
+    Args:
+        seeing: the eye of an estimator "vlm", where it is open already.
+        view: the address of a Rerun viewer that is to show the run while it goes on.
+        folder: that of a run which is to go on there (see `resume`); without it, one is made.
+
+    Raises:
+        DomainError: the domain folder has a mistake.
+        InputError: the configuration has one, or the run's folder exists; or the run in `folder` cannot go on.
+        MissingError: the machine lacks something.
+    """
+
+    def __init__(
+        self,
+        config: RunConfig,
+        sinks: Sequence[Sink] = (),
+        seeing: S3E | None = None,
+        view: str | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        self.config = config
+        if folder is None:
+            check_folder(config)
+        log = None if folder is None else EventLog(folder, self._unrecorded)  # from here on it is ours
+        self._past = None if folder is None else PastRun.of(folder)
+        self.domain = load_domain(config.domain, config.problem)
+        stage = checked_stage(self.domain)
+        if self._past is not None:
+            self._past.check(self.domain.task)
+        injected = parse_faults(self.domain, config.faults)
+        if config.eye is not None:
+            from executive.sim.spec import read_scene
+
+            config.eye.check_cameras([camera.name for camera in read_scene(self.domain.scene).cameras])
+        planner = FastDownwardPlanner(self.domain.parsed)
+        planner.warm_up()  # meanwhile all else is made
+        eye = None
+        if config.estimator == "vlm":
+            eye = settled(config.eye or EstimatorConfig(), self.domain.subject)
+        self.monitor = None
+        if config.estimator != "none":
+            patience = min(30.0, config.patience, config.settings().max_seconds)
+            self.monitor = open_monitor(config.monitor, self.domain, eye, patience)
+        # A model takes long to load and may be none: before anything that would have to be undone.
+        if eye is not None and seeing is None:
+            seeing = open_estimator(eye, self.domain.subject)
+        first_observation = 0 if self._past is None else self._past.observations
+        self.world, self.truth = _stage(self.domain, config, injected, first_observation, stage)
+        self._too_large = _too_large(self.domain, self.world, self.truth)
+        self.folder = make_folder(config, self.domain) if folder is None else folder
+        self._collector = Collector()
+        try:
+            self.executive = self._put_together(planner, injected, seeing, sinks, view, log)
+        except BaseException:  # Ctrl-C, too: a run that never began leaves no folder
+            if folder is None:
+                shutil.rmtree(self.folder, ignore_errors=True)
+            raise
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for sink in self._sinks:
+            sink.close()
+        self.world.close()
+        requirements.give_back_memory()
+
+    def cancel(self, why: str = INTERRUPTED) -> None:
+        """Have the arm stop and the run end as interrupted; safe to call from a signal handler."""
+        self.executive.cancel(why)
+
+    def _unrecorded(self, why: str) -> None:
+        """Nothing happens that cannot be recorded: the run ends, and can be resumed once there is room again."""
+        self.executive.cancel(why)
+
+    def execute(self) -> Summary:
+        """Carry the task out, score it by the simulator's truth, and write `summary.json`."""
+        if self._past is None or not self._past.is_over:  # else it was killed between its end and its summary
+            self.executive.run()
+        goal = self.domain.task.goal
+        goal_true = self.truth.of(tuple(goal)).entails(goal)
+        summary = self._collector.summary(goal_true)
+        write_summary(self.folder, summary)
+        return summary
+
+    def _put_together(
+        self,
+        planner: FastDownwardPlanner,
+        injected: Sequence[Fault],
+        seeing: S3E | None,
+        sinks: Sequence[Sink],
+        view: str | None,
+        log: EventLog | None,
+    ) -> Executive:
+        config = self.config
+        recorders: list[Sink] = [
+            Snapshots(self.folder, self.world, self._unrecorded),
+            log or EventLog(self.folder, self._unrecorded),
+            self._collector,
+        ]
+        if config.viewer:
+            from executive.trace.viewer.sink import RerunSink
+
+            recorders.append(RerunSink(self.folder, view, thresholds(self.monitor)))
+        if self.monitor is not None:
+            monitor_file.save(self.folder, self.monitor)
+        self._sinks = (*recorders, *sinks)
+        run_state = self._go_on()
+        estimator, initial = _eye(self.domain, config, self.truth, seeing)
+        faults = FaultInjector(injected, self.world, config.seed)
+        skills, moves = load_skills(self.domain), load_moves(self.domain)
+        preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
+        return Executive(
+            self.domain.task,
+            punctual_planner(faulty_planner(self._fitting(planner), faults), config.patience),
+            faulty_world(self.world, faults),
+            punctual_skills(faulty_skills(skills, faults), config.patience, left=self._left),
+            None
+            if estimator is None
+            else punctual_estimator(faulty_estimator(estimator, faults), config.patience, self._left),
+            sinks=self._sinks,
+            settings=config.settings(),
+            faults=faults,
+            initial=initial,
+            domain=self.domain.name,
+            run=self.folder.name,
+            monitor=self.monitor,
+            attention=load_attention(self.domain, self.world, () if config.eye is None else config.eye.cameras),
+            moves=moves,
+            run_state=run_state,
+            prepare=punctual_preparing(preparing, self._left),
+        )
+
+    def _left(self) -> float:
+        """How many wall seconds the run still has; asked while it goes on."""
+        return self.executive.seconds_left
+
+    def _fitting(self, planner: Planner) -> Planner:
+        """The planner, of whose plans none puts anything where it does not fit."""
+        if not self._too_large:
+            return planner
+        return _FittingPlanner(planner, self.domain.parsed.giving(self._too_large), self._too_large)
+
+    def _go_on(self) -> RunState | None:
+        """Have the world be what it was when the run's process ended, and the sinks know what happened until then; how
+        the run stands, if there was one.
+
+        Raises:
+            InputError: there is no snapshot of the world to go on from.
+        """
+        past, task = self._past, self.domain.task
+        if past is None or past.started is None:
+            return None
+        since = past.resumed(past.restore(self.world))
+        for event in past.events(images=True):
+            for sink in self._sinks:
+                if isinstance(sink, Recalling):
+                    sink.recall(event)
+        if self.monitor is None:
+            return RunState(task, task.goal, past.assumed()).resumed(since)
+        return RunState(task, task.goal, Facts(), past.memory(self.monitor)).resumed(since)
+
+
+def run(config: RunConfig, sinks: Sequence[Sink] = ()) -> Summary:
+    """Put a run together and carry it out."""
+    with Run(config, sinks) as prepared:
+        return prepared.execute()
+
+
+def resume(folder: Path, sinks: Sequence[Sink] = (), view: str | None = None) -> Run:
+    """A run whose process ended before the run did, ready to go on in its folder: the simulated world is what the last
+    snapshot has it be, the robot looks first, and what is done is not done again.
+
+    Raises:
+        InputError: it came to an end of its own, another process is at work on it, or it is no such folder.
+    """
+    config, past = read_config(folder), PastRun.of(folder)
+    if past.ended is not None and past.is_over and (folder / SUMMARY_FILE).exists():
+        raise InputError(f"this run has come to its end: {past.ended.outcome}", file=folder)
+    return Run(config, sinks, view=view, folder=folder)
+
+
+class _FittingPlanner:
+    """Does without the steps that would bring about what cannot be, and says of a goal that is such why it cannot."""
+
+    def __init__(self, planner: Planner, never: frozenset[Step], why: Mapping[Atom, str]) -> None:
+        self._planner, self._never, self._why = planner, never, why
+
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
+        answer = self._planner.plan(state, goal, avoid | self._never, seconds)
+        why = [self._why[atom] for atom in sorted(goal.true & self._why.keys()) if not state.get(atom)]
+        if isinstance(answer, NoPlan) and answer.reason is NoPlanReason.UNSOLVABLE and why:
+            return replace(answer, detail="; ".join(why))
+        return answer
+
+
+def load_skills(domain: Domain) -> Mapping[str, Skill]:
+    """Each action's skill, from the entry-point group `executive.skills`."""
+    points = {point.name: point for point in entry_points(group="executive.skills")}
+    return {action: points[skill].load() for action, skill in domain.skills.items()}
+
+
+def load_moves(domain: Domain) -> Mapping[str, Skill]:
+    """The skills that bring the arm out of the way, in turn, from the same group."""
+    points = {point.name: point for point in entry_points(group="executive.skills")}
+    return {name: points[name].load() for name in domain.looking.moves}
+
+
+def load_attention(domain: Domain, world: MujocoWorld, shown: Sequence[str] = ()) -> Attention:
+    """Where to look for what; through the cameras that are `shown` alone, if any are named.
+
+    Raises:
+        DomainError: the domain names a camera that the scene does not have.
+    """
+    looking, cameras = domain.looking, [camera.name for camera in world.spec.cameras]
+    for key, names in {"guard": looking.guard, **{f"closer.{name}": of for name, of in looking.closer.items()}}.items():
+        for name in names:
+            if name not in cameras:
+                message = f"the scene has no camera {name!r}; {nearest(name, cameras)}"
+                raise DomainError(message, file=domain.files[0], key=f"looking.{key}")
+    attention = Attention(looking.closer, looking.carried, looking.guard)
+    return attention.only(shown) if shown else attention
+
+
+def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
+    """What is to be broken, of what there is in this problem and its scene.
+
+    Raises:
+        InputError: it is no such fault, or names what is not there.
+    """
+    from executive.sim.spec import read_scene
+
+    scene = read_scene(domain.scene)
+    items = [item.name for item in scene.items if item.name in domain.task.objects]
+    tables, cameras = ([thing.name for thing in things] for things in (scene.tables, scene.cameras))
+    return [parse_fault(spec, items, tables, cameras) for spec in specs]
+
+
+def checked_stage(domain: Domain) -> Setting:
+    """How the problem begins in the domain's scene, once it is certain that its predicates and what it says of the
+    beginning make sense there.
+
+    Raises:
+        DomainError: they do not.
+    """
+    from executive.sim.initial_state import read_setting
+    from executive.sim.relation_kinds import check_kinds, read_meanings
+    from executive.sim.spec import read_scene
+
+    manifest, problem, task = domain.files[0], domain.files[2], domain.task
+    scene = read_scene(domain.scene).restricted_to(task.objects, domain.scene)
+    meanings = read_meanings(domain.relations, task.parameters, manifest)
+    check_kinds(meanings, task, scene, manifest)
+    return read_setting(domain.parsed.init, meanings, scene, problem)
+
+
+def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom, str]:
+    """The atoms that cannot be brought about because an item is larger than the table, and why.
+
+    Raises:
+        DomainError: nothing of the goal could be reached.
+    """
+    from executive.sim.initial_state import too_large
+
+    why = too_large(domain.task.atoms, truth.meanings, world.shapes, world.spec)
+    goal = domain.task.goal
+    if goal.true and why.keys() >= goal.true and not goal.false:
+        world.close()
+        raise DomainError("; ".join(why[atom] for atom in sorted(goal.true)), file=domain.files[2], key=":goal")
+    return why
+
+
+def _stage(
+    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int, setting: Setting
+) -> tuple[MujocoWorld, Truth]:
+    """The world, as the problem's :init has it begin; the robot has to see that for itself."""
+    from executive.sim.initial_state import check_setting
+    from executive.sim.truth import Truth
+    from executive.sim.world import MujocoWorld
+
+    task = domain.task
+    world = MujocoWorld(
+        domain.scene,
+        task.objects,
+        seed=config.seed,
+        placed=setting.placed,
+        grasp_noise=config.grasp_noise,
+        home_pose=config.home_pose,
+        blockings=sum(fault.kind == "block" for fault in faults),
+        keep_trees=config.tree,
+        first_observation=first_observation,
+        barred=setting.barred,
+        held=setting.held,
+    )
+    truth = Truth(world, domain.relations, task.parameters, domain.files[0])
+    try:
+        check_setting(domain.parsed.init, truth.of, domain.files[2])
+    except DomainError:
+        world.close()
+        raise
+    return world, truth
+
+
+def _eye(
+    domain: Domain, config: RunConfig, truth: Truth, seeing: Estimator | None
+) -> tuple[Estimator | None, Facts | None]:
+    """The estimator; for the blind baseline none, and what it is told instead."""
+    if config.estimator == "none":
+        return None, truth.of(domain.task.atoms)
+    if seeing is not None:
+        return seeing, None
+    from executive.sim.truth import Oracle
+
+    return Oracle(truth), None

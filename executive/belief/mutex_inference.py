@@ -1,0 +1,289 @@
+"""Mutex groups, and exact inference under them: how probable each atom is, and which state is the most probable one.
+
+A group is a set of atoms of which at most one is true, or exactly one. Groups may overlap: what is gripped is in the
+group of the item's places and in the gripper's. Both questions are answered by the same pass over the groups, one
+after the other (dynamic programming along a frontier, a form of bucket elimination, Dechter 1999): each group picks one
+of its atoms or none, and all that later groups have to know is which of them an earlier pick has taken already. The
+work is linear in the number of groups where they are independent, or overlap like the gripper and the items. Where
+they overlap so much that more than `WIDEST` combinations would have to be kept, the most probable state is found by
+integer programming (HiGHS, which proves it), and probabilities rest on the heaviest combinations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+from executive.types import Atom
+
+WIDEST = 2048
+"""How many combinations of taken groups are kept at a time. Up to this many the answers are exact."""
+
+_NONE = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Atoms of which at most one is true; `exact`: and never none."""
+
+    atoms: tuple[Atom, ...]
+    exact: bool = False
+
+    def __post_init__(self) -> None:
+        if len(set(self.atoms)) != len(self.atoms) or not self.atoms:
+            raise ValueError(f"a group has some atoms, each once, got {', '.join(map(str, self.atoms)) or 'none'}")
+        object.__setattr__(self, "atoms", tuple(sorted(self.atoms)))
+
+    def violated(self, true: Collection[Atom]) -> bool:
+        """Whether it cannot be that of its atoms just those in `true` are true."""
+        held = sum(atom in true for atom in self.atoms)
+        return held > 1 or (self.exact and held == 0)
+
+
+class Answer(NamedTuple):
+    """What follows from weights: the logarithm of the sum of all consistent states' weights, each atom's probability of
+    being true, the atoms that are true in the heaviest state, and the logarithm of that state's weight.
+
+    `approximate`: the sum and the probabilities leave out light states, because groups overlap too much. The heaviest
+    state is the heaviest of all even then.
+    """
+
+    log_total: float
+    marginal: Mapping[Atom, float]
+    best: frozenset[Atom]
+    log_best: float
+    approximate: bool = False
+
+
+class _Pick(NamedTuple):
+    """A group's choice of an atom (or of none), and the later groups that this takes, as bits."""
+
+    atom: int
+    takes: int
+
+
+class _Edge(NamedTuple):
+    """One group's pick: from one combination of taken groups to the next."""
+
+    before: int
+    atom: int
+    after: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MutexNetwork:
+    """Atoms and the groups among them. An atom that is in no group is independent of all others.
+
+    Raises:
+        ValueError: a group has an atom that is not among `atoms`, or no state is consistent with all groups.
+    """
+
+    atoms: tuple[Atom, ...]
+    groups: tuple[Group, ...] = ()
+    around: Mapping[Atom, tuple[Group, ...]] = field(init=False, repr=False)
+    """The groups that each atom is in."""
+    _turns: tuple[tuple[_Pick, ...], ...] = field(init=False, repr=False)
+    _loose: tuple[int, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "atoms", tuple(sorted(set(self.atoms))))
+        position = {atom: index for index, atom in enumerate(self.atoms)}
+        around: dict[Atom, tuple[Group, ...]] = dict.fromkeys(self.atoms, ())
+        for group in self.groups:
+            for atom in group.atoms:
+                if atom not in position:
+                    raise ValueError(f"a mutex group names {atom}, which is not among the atoms")
+                around[atom] += (group,)
+        object.__setattr__(self, "around", around)
+        members = [frozenset(position[atom] for atom in group.atoms) for group in self.groups]
+        turns, seen = [], set[int]()
+        order = _order(members)
+        for turn, number in enumerate(order):
+            picks = [] if self.groups[number].exact else [_Pick(_NONE, 0)]
+            for index in sorted(members[number] - seen):
+                later = (bit for bit in range(turn + 1, len(order)) if index in members[order[bit]])
+                picks.append(_Pick(index, sum(1 << bit for bit in later)))
+            seen |= members[number]
+            turns.append(tuple(picks))
+        object.__setattr__(self, "_turns", tuple(turns))
+        object.__setattr__(self, "_loose", tuple(index for index in range(len(self.atoms)) if index not in seen))
+        self.solve({})
+
+    def violated(self, true: Collection[Atom]) -> tuple[Group, ...]:
+        """The groups that do not allow that exactly these atoms are true."""
+        return tuple(group for group in self.groups if group.violated(true))
+
+    def solve(self, weights: Mapping[Atom, float], widest: int = WIDEST) -> Answer:
+        """The answers for a distribution over the consistent states in which each state's probability is proportional
+        to the product of exp(weight) over its true atoms: without groups, `weights` are log-odds. An atom without one
+        weighs 0. Of equally heavy states the best is the one that a fixed order comes to first.
+
+        Raises:
+            ValueError: a weight is not finite, or no state is consistent with all groups.
+        """
+        weight = [float(weights.get(atom, 0.0)) for atom in self.atoms]
+        if not all(map(math.isfinite, weight)):
+            raise ValueError("weights have to be finite")
+        best: frozenset[int] | None = None
+        if (swept := self._sweep(weight, widest)) is None:
+            best = self._heaviest(weight)
+            swept = self._sweep(weight, widest, self._path(best))
+            assert swept is not None
+        sums, edges = swept
+        log_total, marginal = sums[-1][0], self._marginals(weight, sums, edges)
+        true = set(self._traced(weight, edges) if best is None else best)
+        for atom in self._loose:
+            marginal[atom] = _sigmoid(weight[atom])
+            log_total += max(weight[atom], 0.0) + math.log1p(math.exp(-abs(weight[atom])))
+            if weight[atom] > 0:
+                true.add(atom)
+        return Answer(
+            log_total,
+            dict(zip(self.atoms, marginal, strict=True)),
+            frozenset(self.atoms[atom] for atom in true),
+            math.fsum(weight[atom] for atom in true),
+            approximate=best is not None,
+        )
+
+    def _picks(self, turn: int, taken: int) -> Iterator[_Pick]:
+        """What a group can pick when the groups in `taken` are."""
+        if taken >> turn & 1:
+            yield _Pick(_NONE, 0)
+        else:
+            yield from (pick for pick in self._turns[turn] if not pick.takes & taken)
+
+    def _sweep(self, weight: Sequence[float], widest: int, path: Sequence[int] = ()) -> _Swept | None:
+        """For each turn the summed weight (its logarithm) with which each combination of taken groups is arrived at,
+        and the picks that lead there. Where there are more than `widest` combinations, only the heaviest and the one on
+        the `path`; without a path, None."""
+        sums: list[dict[int, float]] = [{0: 0.0}]
+        edges: list[list[_Edge]] = []
+        for turn in range(len(self._turns)):
+            arriving: dict[int, list[float]] = {}
+            here = []
+            for taken, total in sums[-1].items():
+                for atom, takes in self._picks(turn, taken):
+                    after = taken & ~(1 << turn) | takes
+                    arriving.setdefault(after, []).append(total + (0.0 if atom == _NONE else weight[atom]))
+                    here.append(_Edge(taken, atom, after))
+            there = {after: _log_sum(totals) for after, totals in arriving.items()}
+            if not there:
+                raise ValueError("no state is consistent with all mutex groups")
+            if len(there) > widest:
+                if not path:
+                    return None
+                heaviest = {path[turn], *sorted(there, key=lambda after: -there[after])[:widest]}
+                there = {after: total for after, total in there.items() if after in heaviest}
+                here = [edge for edge in here if edge.after in heaviest]
+            sums.append(there)
+            edges.append(here)
+        return sums, edges
+
+    def _marginals(
+        self, weight: Sequence[float], sums: Sequence[Mapping[int, float]], edges: Sequence[Sequence[_Edge]]
+    ) -> list[float]:
+        """The share of each atom's states in the summed weight: the sweep once more, backwards."""
+        share = [0.0] * len(weight)
+        total = sums[-1][0]
+        rest = {0: 0.0}
+        for turn in range(len(edges) - 1, -1, -1):
+            leaving: dict[int, list[float]] = {}
+            for taken, atom, after in edges[turn]:
+                if after in rest:
+                    onward = rest[after] + (0.0 if atom == _NONE else weight[atom])
+                    leaving.setdefault(taken, []).append(onward)
+                    if atom != _NONE:
+                        share[atom] += math.exp(sums[turn][taken] + onward - total)
+            rest = {taken: _log_sum(onwards) for taken, onwards in leaving.items()}
+        return [min(1.0, value) for value in share]
+
+    def _traced(self, weight: Sequence[float], edges: Sequence[Sequence[_Edge]]) -> Iterator[int]:
+        """The picks of the heaviest state."""
+        best: dict[int, float] = {0: 0.0}
+        came: list[dict[int, _Edge]] = []
+        for here in edges:
+            there: dict[int, float] = {}
+            by: dict[int, _Edge] = {}
+            for edge in here:
+                total = best[edge.before] + (0.0 if edge.atom == _NONE else weight[edge.atom])
+                if edge.after not in there or total > there[edge.after]:
+                    there[edge.after], by[edge.after] = total, edge
+            best = there
+            came.append(by)
+        taken = 0
+        for by in reversed(came):
+            edge = by[taken]
+            taken = edge.before
+            if edge.atom != _NONE:
+                yield edge.atom
+
+    def _path(self, true: Collection[int]) -> list[int]:
+        """The combinations of taken groups on the way to a state."""
+        path, taken = [], 0
+        for turn in range(len(self._turns)):
+            picks = {pick.atom: pick for pick in self._picks(turn, taken)}
+            pick = next((picks[atom] for atom in picks if atom in true), picks.get(_NONE))
+            assert pick is not None  # the state is consistent
+            taken = taken & ~(1 << turn) | pick.takes
+            path.append(taken)
+        return path
+
+    def _heaviest(self, weight: Sequence[float]) -> frozenset[int]:
+        """The heaviest state's atoms, by integer programming; loose ones left out.
+
+        Raises:
+            ValueError: no state is consistent with all groups.
+        """
+        import numpy as np
+        from scipy.optimize import Bounds, LinearConstraint, milp
+        from scipy.sparse import lil_array
+
+        position = {atom: index for index, atom in enumerate(self.atoms)}
+        rows = lil_array((len(self.groups), len(weight)))
+        for row, group in enumerate(self.groups):
+            for atom in group.atoms:
+                rows[row, position[atom]] = 1.0
+        least = np.array([float(group.exact) for group in self.groups])
+        grouped = np.ones(len(weight))
+        grouped[list(self._loose)] = 0.0
+        result = milp(
+            -np.array(weight) * grouped,
+            integrality=np.ones(len(weight)),
+            bounds=Bounds(0.0, grouped),
+            constraints=LinearConstraint(rows.tocsr(), least, np.ones(len(self.groups))),
+            options={"mip_rel_gap": 0.0},
+        )
+        if result.x is None:
+            raise ValueError("no state is consistent with all mutex groups")
+        return frozenset(int(atom) for atom in np.flatnonzero(np.round(result.x)))
+
+
+_Swept: TypeAlias = tuple[list[dict[int, float]], list[list[_Edge]]]
+
+
+def _order(members: Sequence[frozenset[int]]) -> list[int]:
+    """An order of the groups in which, at any time, few groups that are still to come share an atom with those before:
+    greedily, the group after which they are fewest."""
+    neighbours = [
+        frozenset(other for other, atoms in enumerate(members) if other != number and atoms & own)
+        for number, own in enumerate(members)
+    ]
+    order: list[int] = []
+    left, open_ = set(range(len(members))), set[int]()
+    while left:
+        chosen = min(sorted(open_ or left), key=lambda number: len((open_ | neighbours[number]) & left - {number}))
+        order.append(chosen)
+        left.discard(chosen)
+        open_ = (open_ | neighbours[chosen]) & left
+    return order
+
+
+def _log_sum(values: Sequence[float]) -> float:
+    most = max(values)
+    return most + math.log(math.fsum(math.exp(value - most) for value in values))
+
+
+def _sigmoid(value: float) -> float:
+    return 1.0 / (1.0 + math.exp(-value)) if value >= 0 else math.exp(value) / (1.0 + math.exp(value))

@@ -1,0 +1,92 @@
+"""What a shell offers for a word that is being typed: the names of domains, problems and runs that are there.
+
+Each function gives pairs of a word and what it means; the shell keeps those that begin as the typed word does. A TAB
+never fails: what cannot be read offers nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+Offer = list[tuple[str, str]]
+
+
+def domains() -> Offer:
+    """The domains that come along, and the domain folders that lie here."""
+    from executive.domain.loader import list_domains
+    from executive.domain.manifest import MANIFEST
+
+    shipped = [(name, "comes with Executive") for name in list_domains()]
+    return shipped + _offered(
+        lambda: ((str(path.parent), "a folder here") for path in sorted(Path().glob(f"*/{MANIFEST}")))
+    )
+
+
+def problems(domain: object) -> Offer:
+    """The problems of a domain, by its folder or its name."""
+    from executive.domain.loader import load_domain
+    from executive.domain.manifest import MANIFEST
+
+    if not isinstance(domain, str):
+        return []
+
+    def found() -> Iterable[tuple[str, str]]:
+        folder = Path(domain) if (Path(domain) / MANIFEST).exists() else load_domain(domain).folder
+        return ((path.stem, "") for path in sorted((folder / "problems").glob("*.pddl")))
+
+    return _offered(found)
+
+
+def runs() -> Offer:
+    """The runs in `runs`, the latest first."""
+    return _offered(lambda: ((path.name, "") for path in latest(Path("runs"))))
+
+
+def latest(folder: Path) -> list[Path]:
+    """The runs in a folder, the latest first."""
+    return sorted((path for path in folder.glob("*/")), key=lambda path: path.stat().st_mtime, reverse=True)
+
+
+def estimators() -> Offer:
+    from executive.app.run import ESTIMATORS
+
+    meanings = {
+        "oracle": "the simulator's truth",
+        "vlm": "a vision-language model looks",
+        "none": "nobody looks",
+    }
+    return [(name, meanings.get(name, "")) for name in ESTIMATORS]
+
+
+def monitors() -> Offer:
+    meanings = {
+        "plain": "each answer alone",
+        "consistent": "the answers of one moment together",
+        "full": "and with what was seen before",
+    }
+    return list(meanings.items())
+
+
+def translators() -> Offer:
+    from executive.app.estimators import TRANSLATORS
+
+    meanings = {
+        "templates": "the domain's own questions",
+        "llm": "a language model words them",
+        "none": "bare predicates",
+    }
+    return [(name, meanings.get(name, "")) for name in TRANSLATORS]
+
+
+def instructions() -> Offer:
+    from executive.app.estimators import DOMAIN, NONE, PAPER
+
+    return [(DOMAIN, "the domain's own"), (PAPER, "the paper's, for its groceries"), (NONE, "nobody tells it")]
+
+
+def _offered(found: Callable[[], Iterable[tuple[str, str]]]) -> Offer:
+    with contextlib.suppress(Exception):
+        return list(found())
+    return []

@@ -1,0 +1,114 @@
+"""Runs decided once more, from their records."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from executive.cli import completion
+from executive.cli.app import NOT_REACHED, REACHED, one_line
+from executive.cli.options import RunName
+from executive.cli.run_commands import run_folder
+from executive.errors import InputError
+
+if TYPE_CHECKING:
+    from executive.app.monitors import MonitorConfig
+    from executive.replay import Comparison
+
+
+def replay(
+    run: RunName,
+    monitor: Annotated[
+        str | None,
+        typer.Option(
+            help="What is made of the looks: plain, consistent or full; the run's own if not given.",
+            autocompletion=completion.monitors,
+        ),
+    ] = None,
+    alpha: Annotated[
+        float | None, typer.Option(help="Tell something wrongly in at most this share of looks; doubt the rest.")
+    ] = None,
+    threshold: Annotated[
+        float | None, typer.Option(help="Take each answer alone at its word, above or below; 0.5 is the paper's way.")
+    ] = None,
+    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Weigh looks with what was seen before.")] = True,
+    trust: Annotated[Path | None, typer.Option(help="A file that says how often the model errs.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="Show the decisions that are the same, too.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print both sides as JSON.")] = False,
+) -> int:
+    """Decide once more from a run's record, without model or simulator: as then, or with another monitor.
+
+    Ends with 0 where both do the same, with 1 where they part.
+    """
+    from executive.replay import compare_run
+
+    began = time.perf_counter()
+    folder = run_folder(run)
+    comparison = compare_run(folder, _wanted(monitor, alpha, threshold, memory, trust))
+    seconds = time.perf_counter() - began
+    if as_json:
+        print(json.dumps({"run": str(folder), **_document(comparison), "seconds": round(seconds, 3)}, indent=2))
+    else:
+        _print(comparison, every, seconds)
+    return REACHED if comparison.agree else NOT_REACHED
+
+
+def _wanted(
+    monitor: str | None, alpha: float | None, threshold: float | None, memory: bool, trust: Path | None
+) -> MonitorConfig | None:
+    """The monitor that is asked for; None for the run's own."""
+    given = alpha is not None or threshold is not None or not memory or trust is not None
+    if monitor is None and not given:
+        return None
+    from executive.app.monitors import MonitorConfig, preset
+
+    if monitor is None:
+        return MonitorConfig(alpha, threshold, memory, trust)
+    if given:
+        raise InputError("names a monitor as a whole; it goes without the options that make one", key="--monitor")
+    return preset(monitor)
+
+
+def _print(comparison: Comparison, every: bool, seconds: float) -> None:
+    from executive.trace.terminal.comparison import Pair, print_pairs
+
+    rows = comparison.rows
+    shown = [Pair(*row, row.agree, row.same) for row in rows if every or not row.same]
+    if shown:
+        recorded, replayed = comparison.names
+        print_pairs(shown, (f"recorded ({recorded})", f"replayed ({replayed})"), sys.stdout)
+    for line in comparison.ends:
+        print(one_line(line))
+    same, agree = sum(row.same for row in rows), sum(row.agree for row in rows)
+    counts = [f"{same} of {comparison.decisions} decisions are the same"]
+    counts += [f"{agree - same} for another reason"] if agree > same else []
+    counts += [f"{len(rows) - agree} different"] if agree < len(rows) else []
+    counts += [f"{comparison.left} not come to"] if comparison.left else []
+    print(f"{', '.join(counts)}; {seconds:.2f} s")
+
+
+def _document(comparison: Comparison) -> dict[str, Any]:
+    from executive.trace.record.codec import encode
+
+    return {
+        "recorded": comparison.names[0],
+        "replayed": comparison.names[1],
+        "agree": comparison.agree,
+        "ends": list(comparison.ends),
+        "left": comparison.left,
+        "decisions": [
+            {
+                "cycle": row.cycle,
+                "agree": row.agree,
+                "same": row.same,
+                "recorded": encode(row.recorded),
+                "replayed": encode(row.replayed),
+            }
+            for row in comparison.rows
+        ],
+    }

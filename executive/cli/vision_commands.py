@@ -1,0 +1,250 @@
+"""Models that look: at pictures, at collections; how far they are to be trusted, and how they are grown."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executive.cli import completion, hiring
+from executive.cli.app import NOT_REACHED, REACHED, SECONDS_TO_LEAVE, ctrl_c, one_line
+from executive.cli.options import (
+    Abstention,
+    CalibrationFile,
+    Cameras,
+    DomainName,
+    Instructions,
+    LanguageModel,
+    Model,
+    NoInstructions,
+    PerImage,
+    ProblemName,
+    Server,
+    TranslatorName,
+    eye_config,
+)
+from executive.errors import InputError
+from executive.util.files import check_writable
+
+
+def estimate(
+    domain: Annotated[
+        str,
+        typer.Argument(
+            help="A folder with PDDL in it, or the name of a domain that comes along.",
+            autocompletion=completion.domains,
+        ),
+    ],
+    problem: ProblemName = None,
+    image: Annotated[list[Path] | None, typer.Option(help="A picture; repeat it to show several together.")] = None,
+    video: Annotated[Path | None, typer.Option(help="A video instead of pictures.")] = None,
+    every: Annotated[float, typer.Option(help="Seconds between the video's frames that are looked at.")] = 0.5,
+    atoms: Annotated[
+        list[str] | None, typer.Option(help="Only these, such as 'on-table(*,wood-table)' or robot-gripping.")
+    ] = None,
+    question: Annotated[
+        list[str] | None, typer.Option(help="A question of your own, instead of all atoms; repeat it for more.")
+    ] = None,
+    vlm: Model = None,
+    server: Server = None,
+    translator: TranslatorName = "templates",
+    llm: LanguageModel = None,
+    instructions: Instructions = None,
+    no_instructions: NoInstructions = False,
+    per_image: PerImage = False,
+    cameras: Cameras = None,
+    abstention: Abstention = True,
+    calibration: CalibrationFile = None,
+    out: Annotated[Path, typer.Option(help="The folder for a video's plot and recording.")] = Path("."),
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON, with the prompts.")] = False,
+) -> int:
+    """Say how probable each atom of a domain is, judging by pictures or a video."""
+    from executive.app import estimate as estimating
+    from executive.s3e.video import read_frames
+
+    if bool(image) == (video is not None):
+        raise InputError("pass pictures with --image, or a video with --video", key="estimate")
+    images = estimating.read_images(image or [])
+    frames = read_frames(video, every) if video is not None else iter(())
+    config = eye_config(
+        vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
+    )
+    if video is None:
+        config.check_cameras(images)
+    elif cameras:
+        raise InputError("chooses among several pictures; a video has one", key="--cameras")
+    else:
+        check_writable(out, "--out")
+    session = estimating.Session(domain, problem, config, atoms or (), question or ())
+    for warning in session.warnings:
+        print(f"warning: {one_line(warning)}", file=sys.stderr)
+    if video is not None:
+        answered = estimating.tell_video(session, video, frames, every, out, as_json)
+    else:
+        answered = estimating.tell_look(session, image or [], images, as_json)
+    return REACHED if answered else NOT_REACHED
+
+
+def collect(
+    domain: DomainName,
+    out: Annotated[Path, typer.Option(help="The folder for the data; one that was begun is gone on with.")],
+    points: Annotated[int, typer.Option(min=1, help="How many completed actions to picture.")] = 2000,
+    problem: ProblemName = None,
+    seed: Annotated[int, typer.Option(min=0, help="Fixes everything, however many processes share the work.")] = 0,
+    home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
+    grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.010,
+    slips: Annotated[float, typer.Option(min=0.0, max=1.0, help="Chance of losing what is carried.")] = 0.05,
+    jobs: hiring.Jobs = None,
+    engine: hiring.Engine = "processes",
+    address: hiring.Address = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was collected as JSON.")] = False,
+) -> int:
+    """Collect pictures and the truth about them, by random actions in the simulator (the paper's Appendix D)."""
+    hiring.check(engine, address)
+    from executive.util import requirements
+
+    requirements.require()
+
+    from executive.lab.collection import collect as collecting
+    from executive.lab.common.progress import summary, told
+
+    config = collecting.CollectConfig(domain, out, points, problem, seed, home_pose, grasp_noise, slips, jobs)
+    with (
+        collecting.Collection(config, _warn) as collection,
+        ctrl_c(collection.cancel, SECONDS_TO_LEAVE) as interrupted,
+        told(sys.stderr) as watch,
+    ):
+        manifest = collection.run(watch, lambda: hiring.crew(collection.player, jobs, engine, address))
+    if manifest is None:
+        print(f"interrupted; finished episodes are kept, go on with: {config.command}", file=sys.stderr)
+        return interrupted.code
+    print(json.dumps(manifest, indent=2) if as_json else summary(manifest, out))
+    return REACHED
+
+
+def evaluate(
+    domain: DomainName,
+    data: Annotated[Path, typer.Argument(help="A finished collection (see: executive collect).")],
+    problem: ProblemName = None,
+    vlm: Model = None,
+    server: Server = None,
+    translator: TranslatorName = "templates",
+    llm: LanguageModel = None,
+    instructions: Instructions = None,
+    no_instructions: NoInstructions = False,
+    per_image: PerImage = False,
+    cameras: Cameras = None,
+    abstention: Abstention = True,
+    calibration: CalibrationFile = None,
+    looks: Annotated[int | None, typer.Option(min=1, help="Only the first ones.")] = None,
+    paraphrases: Annotated[Path | None, typer.Option(help="A file with other wordings of the questions.")] = None,
+    rename: Annotated[bool, typer.Option("--rename/--no-rename", help="Use that file's names of objects, too.")] = True,
+    disturb: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Make looks harder: lights, cameras, jpeg=40, blurred=3, noisy=40, dark=0.7; repeat it for more."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Fixes which wording and what disturbance a look gets.")] = 0,
+    beside: Annotated[
+        list[Path] | None, typer.Option(help="The folder of another evaluation, to show beside; repeat it for more.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The report's folder; in evaluations/ if not given.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="How many models look side by side; one if not given.")
+    ] = None,
+    engine: hiring.Engine = "processes",
+    address: hiring.Address = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
+) -> int:
+    """Measure how well a model sees, on collected pictures (Experiment 1 of the paper), and write a report."""
+    hiring.check(engine, address)
+    from executive.lab.common.progress import told
+    from executive.lab.evaluation import report as reporting
+    from executive.lab.evaluation import store
+    from executive.lab.evaluation.evaluate import EvalConfig, Evaluator
+    from executive.trace.terminal.console import waiting
+
+    eye = eye_config(
+        vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
+    )
+    config = EvalConfig(domain, data, eye, problem, looks, paraphrases, rename, tuple(disturb or ()), seed)
+    others = [store.load(folder) for folder in beside or ()]
+    again = shlex.join([*shlex.split(config.command), *(["--out", str(out)] if out is not None else [])])
+    folder = out or store.default_folder(config)
+    side_by_side = jobs or (1 if engine == "processes" else None)
+    with store.claimed(folder, again), Evaluator(config, _warn) as evaluator:
+        with (
+            ctrl_c(evaluator.cancel, SECONDS_TO_LEAVE) as interrupted,
+            hiring.crew(evaluator.looker, side_by_side, engine, address, alone=(side_by_side or 0) > 1) as crew,
+        ):
+            with waiting(sys.stderr, "loading the model"):
+                opened = evaluator.open(crew)
+            with told(sys.stderr, "looks") as watch:
+                evaluation = evaluator.run(crew, opened, folder / store.KEPT, watch) if opened is not None else None
+        if evaluation is None:
+            print(f"interrupted; the looks that were taken are kept, go on with: {again}", file=sys.stderr)
+            return interrupted.code
+        document = reporting.write(folder, evaluation, evaluator.mistakes.sheet(), others, evaluator.published)
+        (folder / store.KEPT).unlink(missing_ok=True)
+    if as_json:
+        print(json.dumps({**document, "report": str(folder / reporting.REPORT)}, indent=2))
+    else:
+        print(reporting.summary(document, folder))
+    return REACHED if document["unanswered"] < document["asked"] else NOT_REACHED
+
+
+def calibrate(
+    domain: DomainName,
+    evaluations: Annotated[list[Path], typer.Argument(help="Evaluations of one model (see: executive eval).")],
+    out: Annotated[Path, typer.Option(help="The model's folder, where runs find it; or a file, for run --trust.")],
+    problem: ProblemName = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was learnt as JSON.")] = False,
+) -> None:
+    """Learn from evaluations how far a model can be trusted, for runs with it, and with --alpha."""
+    from executive.lab.evaluation import calibrate as calibrating
+
+    file, trust = calibrating.calibrate(domain, evaluations, out, problem)
+    if as_json:
+        print(json.dumps({"file": str(file), "trust": json.loads(file.read_text(encoding="utf-8"))}, indent=2))
+        return
+    print(calibrating.summary(trust))
+    print(f"written to {file}")
+
+
+def train(
+    domain: DomainName,
+    out: Annotated[Path, typer.Option(help="The folder for everything; a training that was begun is gone on with.")],
+    problem: ProblemName = None,
+    recipe: Annotated[str, typer.Option(help="How large an eye, and how long: small, or smallest to try it out.")] = (
+        "small"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Fixes everything but rounding.")] = 0,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes and threads; all cores if not given.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
+) -> int:
+    """Grow a vision-language model that sees this domain, from simulated pictures alone; takes a night."""
+    from executive.util import requirements
+
+    requirements.require()
+
+    from executive.lab.common.progress import stages
+    from executive.lab.training.train import TrainConfig, Training
+
+    training = Training(TrainConfig(domain, out, problem, recipe, seed, jobs))
+    with ctrl_c(training.cancel, SECONDS_TO_LEAVE) as interrupted, stages(sys.stderr) as watch:
+        model = training.run(watch)
+    if model is None:
+        print(f"interrupted; everything is kept, go on with: {training.config.command}", file=sys.stderr)
+        return interrupted.code
+    look = shlex.join(["executive", "run", domain, "--vlm", str(model)])
+    print(json.dumps({"model": str(model), "run": look}, indent=2) if as_json else f"{model}; look through it: {look}")
+    return REACHED
+
+
+def _warn(line: str) -> None:
+    print(f"warning: {one_line(line)}", file=sys.stderr)

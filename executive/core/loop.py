@@ -1,0 +1,406 @@
+"""The closed loop: look, plan, do one step, look, compare, decide. All that changes in a run is the loop's `run_state`.
+
+A *cycle* is one turn of the loop: a step's preconditions are checked, it is dispatched, looked at, compared, what
+follows is decided and, where that asks for it, planned. Cycle 0 is the first look and the first plan. An *action* is a
+step that was dispatched; a cycle whose step could not begin has none.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+
+from executive.belief import Monitor, ThresholdMonitor
+from executive.core import policy
+from executive.core.attention import Attention
+from executive.core.compare import compare
+from executive.core.observer import Observer
+from executive.core.policy import Settings, Try
+from executive.core.run_state import Leeway, RunState
+from executive.core.session import Session
+from executive.errors import InputError
+from executive.protocols import Estimator, FaultSource, Planner, Preparing, Sink, Skill, World
+from executive.types import (
+    Atom,
+    Belief,
+    Compared,
+    Decision,
+    DecisionKind,
+    Dispatched,
+    Ended,
+    Facts,
+    NoPlan,
+    NoPlanReason,
+    Plan,
+    Probed,
+    Revised,
+    SkillResult,
+    Started,
+    Step,
+    Task,
+    Verdict,
+)
+
+
+class Executive:
+    """Carries one task to an end that has a name. An instance runs once.
+
+    Args:
+        skills: by the name of the action that each carries out.
+        estimator: says what is true after a look. Without one the executive is the blind baseline: it is told
+            `initial`, never looks, assumes each step's effects and carries on whatever its skills report. At the end
+            it claims the goal because it believes it, with `goal_seen` false because nobody looked.
+        sinks: see every event. One that raises is dropped with a warning, and nothing else changes.
+        initial: what a blind executive is told; one that looks has to see it for itself.
+        monitor: what is made of the looks; without one, each answer is taken at its word.
+        attention, moves: where to look for what, and skills that clear the view, by name, the mildest first.
+        course: how the run stands, where another process began it.
+        prepare: what has to be made ready before the first look.
+        domain, run: names for the trace.
+
+    Raises:
+        InputError: neither an estimator nor initial facts.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        planner: Planner,
+        world: World,
+        skills: Mapping[str, Skill],
+        estimator: Estimator | None,
+        sinks: Sequence[Sink] = (),
+        settings: Settings | None = None,
+        faults: FaultSource | None = None,
+        initial: Facts | None = None,
+        domain: str = "",
+        run: str = "",
+        monitor: Monitor | None = None,
+        attention: Attention | None = None,
+        moves: Mapping[str, Skill] | None = None,
+        run_state: RunState | None = None,
+        prepare: Iterable[Preparing] = (),
+    ) -> None:
+        if estimator is None and initial is None:
+            raise InputError("an executive that does not look (it has no estimator) must be told the initial facts")
+        self.planner, self.world, self.skills, self.estimator = planner, world, skills, estimator
+        self.settings, self.domain, self.name = settings or Settings(), domain, run
+        self._prepare = prepare
+        monitor, attention = monitor or ThresholdMonitor(task.atoms), attention or Attention()
+        self.run_state = run_state or RunState(
+            task, task.goal, Facts() if estimator else initial or Facts(), monitor.begin()
+        )
+        self._session = Session(sinks, world, self.settings.seed, faults, lambda: self.run_state.cycle)
+        self._emit, self.cancel = self._session.emit, self._session.cancel
+        if estimator:
+            self._observer = Observer(estimator, world, monitor, attention, moves or {}, self._session, self.settings)
+
+    @property
+    def seconds(self) -> float:
+        """How long the run has been going on, on the wall's clock, all its processes together."""
+        return self._session.seconds
+
+    @property
+    def seconds_left(self) -> float:
+        """What is left of the budget on the wall's clock."""
+        return max(0.0, self.settings.max_seconds - self.seconds)
+
+    def run(self) -> Ended:
+        """Run to the end. Whatever happens, `Ended` is emitted and the sinks are closed.
+
+        Raises:
+            ExecutiveError: a part found the set-up wrong or something missing; the trace ends with `crashed`.
+        """
+        decision, error = self._session.guard(self._live)
+        return self._session.close(self.run_state.ended(decision), error)
+
+    def _live(self) -> Decision:
+        try:
+            return self._until_stopped()
+        except _TimeIsUpError as end:
+            return self._decide(end.decision)
+
+    def _until_stopped(self) -> Decision:
+        eye, task, settings = self.estimator.name if self.estimator else "none", self.run_state.task, self.settings
+        started = Started(self.name, self.domain, task, eye, settings.seed, asdict(settings))
+        self._session.open(self.run_state.since or started, self.estimator)
+        self._session.prepare(self._prepare)
+        decision = self._first_look()
+        while decision.kind is not DecisionKind.STOP:
+            self._session.heed()
+            if decision.kind is DecisionKind.GIVE_UP_GOAL:
+                decision = self._go_around(decision)
+            elif decision.kind is DecisionKind.REPLAN or self.run_state.plan is None:
+                decision = self._make_plan()
+            elif self.run_state.todo:
+                decision = self._turn()
+            else:
+                decision = self._finish()
+        return decision
+
+    def _first_look(self) -> Decision:
+        """1. Look at the world; estimate every atom; that is the initial state."""
+        if self.estimator is None:
+            self._emit(Belief.certain(self.run_state.known))
+            return Decision(DecisionKind.CONTINUE, "told what holds")
+        self._in_time()
+        self.run_state = self._observer.look_at_all(self.run_state, "first look")
+        while True:
+            atoms, looks = self.run_state.task.atoms, self.run_state.moment.looks
+            decision = self._decide(policy.first(atoms, self.run_state.known, looks, self.settings))
+            if decision.kind is not DecisionKind.LOOK_AGAIN:
+                return decision
+            self._in_time()
+            self.run_state = self._observer.again(self.run_state, "first look", decision.evidence)
+
+    def _make_plan(self) -> Decision:
+        """2 and 5. Plan from what is believed."""
+        answers = Counter[str]()
+        while isinstance(plan := self._ask(self.run_state.goal, self.run_state.state), NoPlan):
+            self._emit(plan)
+            answers[plan.reason] += 1
+            decision = policy.unplanned(plan, answers[plan.reason], self.run_state.doubts(self.settings), self.settings)
+            if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
+                self._in_time()
+                self.run_state = self._observer.again(self.run_state, "there is no plan", decision.evidence)
+            elif decision.kind is DecisionKind.GIVE_UP_GOAL and (hunch := self._hunch()) is not None:
+                self._decide(policy.on_a_hunch(decision, hunch))
+                return self._attempt(hunch)
+            elif decision.kind is DecisionKind.GIVE_UP_GOAL:
+                return self._give_up(decision, is_stuck=bool(plan.without))
+            elif decision.kind is not DecisionKind.REPLAN:
+                return decision
+        return self._take_up(plan, self.run_state.goal)
+
+    def _turn(self) -> Decision:
+        """3 and 4. One step: can it begin, what came of it, and what now?"""
+        if stop := policy.exhausted(self.settings, **self.run_state.spent):
+            return self._decide(stop)
+        self._in_time()
+        self.run_state = self.run_state.next_cycle()
+        step = self.run_state.left[0]
+        if self.estimator and (decision := self._check(step)):
+            return decision
+        self.run_state = self.run_state.dispatched()
+        order = Dispatched(step, self.run_state.actions, self.run_state.attempt, self.run_state.todo[0])
+        guard = self._observer.guard(step) if self.estimator else None
+        result = self._session.dispatch(order, self.skills, guard)
+        if crash := policy.crashed(result):
+            return self._decide(crash)
+        return self._judge(result) if self.estimator else self._assume(result)
+
+    def _check(self, step: Step) -> Decision | None:
+        """The step's preconditions against what is known, with a few looks' patience; None when it can begin."""
+        waits = 0
+        while True:
+            known = self.run_state.known
+            verdict = self._compare("preconditions", step.preconditions, known)
+            failures = self.run_state.failing(step, known)
+            if (decision := policy.before(step, verdict, waits, failures, self.settings)) is None:
+                return None
+            if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
+                self.run_state = self.run_state.failed(step, known, decision)
+                return decision
+            self._in_time()
+            self.run_state, waits = (
+                self._observer.look(self._observer.waited(self.run_state), f"before {step}"),
+                waits + 1,
+            )
+
+    def _judge(self, result: SkillResult) -> Decision:
+        """What was expected of the step against what is seen of it."""
+        cause = f"after {result.step}"
+        self._in_time()
+        self.run_state = self._observer.look(self._observer.acted(self.run_state, result), cause)
+        while True:
+            self._compare("effects", self.run_state.expected, self.run_state.seen)
+            turn = self.run_state.turn(result)
+            decision = self._decide(policy.after(turn, self.settings))
+            if decision.kind is not DecisionKind.LOOK_AGAIN:
+                break
+            self._in_time()
+            self.run_state = self._observer.again(self.run_state, cause, decision.evidence, surprised=not turn.doubts)
+        self.run_state = self.run_state.judged(turn, decision)
+        if turn.verdict.violated:
+            self._emit(Revised(self.run_state.known, self.run_state.known.only(turn.verdict.violated)))
+        return decision
+
+    def _assume(self, result: SkillResult) -> Decision:
+        """The blind baseline: nobody looks, so what was expected of the step is believed."""
+        self.run_state = self.run_state.assumed()
+        self._emit(Belief.certain(self.run_state.known))
+        return self._decide(policy.assumed(result))
+
+    def _finish(self) -> Decision:
+        """6. Done means that the goal is seen to hold, in a full look."""
+        if self.estimator is None:
+            return self._decide(policy.finish_blind(self.run_state.goal))
+        cause, checks = "is the goal reached?", 1
+        if not self.run_state.asked_all:
+            self._in_time()
+            self.run_state = self._observer.look_at_all(self.run_state, cause)
+        while True:
+            self.run_state = run_state = self.run_state.whole_goal_seen()
+            verdict = self._compare("goal", run_state.goal, run_state.claimable(self.settings.claim))
+            plan, whole = self._given_another_chance() if verdict.satisfied else (None, run_state.goal)
+            unsure, dropped = run_state.unsure_of_goal(self.settings.sure), run_state.dropped(plan, whole)
+            redo = self._redo(verdict) if checks > self.settings.max_looks_again else None
+            decision = self._decide(
+                policy.finish(run_state.goal, verdict, unsure, checks, dropped, self.settings, redo)
+            )
+            if decision.kind is DecisionKind.REPLAN and redo is not None:
+                return self._attempt(redo)
+            if decision.kind is not DecisionKind.LOOK_AGAIN:
+                return decision if plan is None else self._take_up(plan, whole)
+            self._in_time()
+            self.run_state, checks = self._observer.again(run_state, cause, decision.evidence), checks + 1
+
+    def _given_another_chance(self) -> tuple[Plan | None, Facts]:
+        """A plan for what was given up, too, or for the first part of it that does not hang on a step that is stuck,
+        and what it reaches."""
+        goal, wanted = self.run_state.goal, self.run_state.task.goal
+        if not self.run_state.given_up:
+            return None, goal
+        answer = self._probe(wanted, Leeway.LAST)
+        for atom in self.run_state.given_up if answer.without and len(self.run_state.given_up) > 1 else ():
+            if isinstance(answer, Plan):
+                break
+            wanted = self.run_state.task.goal.only((*goal, atom))
+            answer = self._probe(wanted, Leeway.LAST)
+        return (None, goal) if isinstance(answer, NoPlan) else (answer, wanted)
+
+    def _redo(self, verdict: Verdict) -> Try | None:
+        """How to make sure of a literal of the goal that looks speak for, and never enough; each is tried once."""
+        run_state, judgement = self.run_state, self.run_state.judgement
+        answered = judgement.belief.probability if judgement else {}
+        doubted = [atom for atom in sorted(verdict.unknown & answered.keys()) if atom not in run_state.tried]
+        if verdict.violated or not verdict.holds or not doubted:
+            return None
+        return self._plan_as_if(doubted[0], self._observer.otherwise(run_state, doubted[0]))
+
+    def _hunch(self) -> Try | None:
+        """How to reach the goal, as it cannot be reached from what is believed, from what may be so."""
+        if self.estimator is None:
+            return None
+        for atom in self.run_state.hunches[: self.settings.max_goal_plans]:
+            self._in_time()
+            if (found := self._plan_as_if(atom, self._observer.supposing(self.run_state, atom))) is not None:
+                return found
+        return None
+
+    def _plan_as_if(self, atom: Atom, state: Facts | None) -> Try | None:
+        goal = self.run_state.goal
+        if state is None or state.entails(goal):
+            return None
+        plan = self._ask(goal, state)
+        self._emit(_probed(goal, plan))
+        return None if isinstance(plan, NoPlan) else Try(atom, state, plan)
+
+    def _attempt(self, found: Try) -> Decision:
+        self.run_state = self.run_state.supposing(found.state, found.doubted)
+        return self._take_up(found.plan, self.run_state.goal)
+
+    def _go_around(self, cause: Decision) -> Decision:
+        """Do without a step that fails again and again, where there is a plan for the goal without it."""
+        plan, goal = self._probe(self.run_state.goal), self.run_state.goal
+        if isinstance(plan, NoPlan):
+            return self._give_up(cause, is_stuck=True)
+        self._decide(policy.goes_around(cause))
+        return self._take_up(plan, goal)
+
+    def _give_up(self, cause: Decision, is_stuck: bool) -> Decision:
+        """Leave out of the goal what cannot be reached, and go for the rest."""
+        kept, plan, hangs = self._largest(Leeway.NONE)
+        if hangs and not kept:
+            kept, plan, hangs = self._largest(Leeway.CHANGED)
+        decision = policy.given_up(cause, self.run_state.goal, kept, is_stuck or hangs)
+        self._emit(self.run_state.grounded(decision))
+        self.run_state = self.run_state.giving_up(cause.reason)
+        return decision if plan is None else self._take_up(plan, kept)
+
+    def _largest(self, leeway: Leeway) -> tuple[Facts, Plan | None, bool]:
+        """What of the goal can be reached, and how; and whether more could be with a step that is stuck."""
+        without: set[str] = set()
+
+        def plan_for(part: Facts) -> Plan | None:
+            answer = self._probe(part, leeway)
+            without.update(answer.without)
+            return None if isinstance(answer, NoPlan) else answer
+
+        kept, plan = policy.largest_reachable(self.run_state.goal, plan_for, self.settings.max_goal_plans)
+        return kept, plan, bool(without)
+
+    def _take_up(self, plan: Plan, goal: Facts) -> Decision:
+        if self.run_state.plan is not None and (
+            stop := policy.exhausted(self.settings, replans=self.run_state.replans)
+        ):
+            self._emit(Probed(goal, plan))
+            return self._decide(stop)
+        self._emit(plan)
+        self.run_state = self.run_state.planned(plan, goal)
+        return Decision(DecisionKind.CONTINUE, f"{len(plan.steps)} steps to go")
+
+    def _probe(self, goal: Facts, leeway: Leeway = Leeway.NONE) -> Plan | NoPlan:
+        if self.run_state.state.entails(goal):
+            return Plan((), 0.0, "", 0.0)
+        answer = self._plan(goal, self.run_state.state, leeway)
+        self._emit(_probed(goal, answer))
+        return answer
+
+    def _ask(self, goal: Facts, state: Facts) -> Plan | NoPlan:
+        """A plan that hangs on no step which was given up on, or at least not in the same circumstances."""
+        answer = self._plan(goal, state, Leeway.NONE)
+        if isinstance(answer, NoPlan) and answer.without:
+            self._emit(_probed(goal, answer))
+            answer = self._plan(goal, state, Leeway.CHANGED)
+        return answer
+
+    def _plan(self, goal: Facts, state: Facts, leeway: Leeway) -> Plan | NoPlan:
+        """Where the planner's plan hangs on a step that is stuck, it is asked for one without that step, and so on."""
+        avoid: frozenset[Step] = frozenset()
+        while True:
+            self._in_time()
+            with self._session.stage("plan"):
+                answer = self.planner.plan(state, goal, avoid, self.seconds_left)
+            answer = replace(answer, without=tuple(sorted(map(str, avoid))))
+            stuck = frozenset() if isinstance(answer, NoPlan) else self.run_state.hung_on(answer.steps, state, leeway)
+            if not stuck:
+                return answer
+            self._emit(_probed(goal, answer))
+            if stuck <= avoid:
+                said = f"the planner does not do without {', '.join(answer.without)}"
+                return NoPlan(NoPlanReason.UNSOLVABLE, said, without=answer.without)
+            avoid |= stuck
+
+    def _in_time(self) -> None:
+        """To be asked before anything that is waited for.
+
+        Raises:
+            _TimeIsUpError: the budget of time is used up.
+        """
+        if stop := policy.exhausted(self.settings, seconds=self.seconds):
+            raise _TimeIsUpError(stop)
+
+    def _compare(self, what: str, expected: Facts, seen: Facts) -> Verdict:
+        compared = Compared(what, expected, compare(expected, seen), self.run_state.moment.observation_id)
+        self._emit(compared)
+        return compared.verdict
+
+    def _decide(self, decision: Decision) -> Decision:
+        """Emit it with what it rests on, unless it is still open which goals it costs."""
+        if decision.kind is not DecisionKind.GIVE_UP_GOAL:
+            self._emit(self.run_state.grounded(decision))
+        return decision
+
+
+class _TimeIsUpError(Exception):
+    """The run has no time left; `decision` ends it."""
+
+    def __init__(self, decision: Decision) -> None:
+        self.decision = decision
+        super().__init__(decision.reason)
+
+
+def _probed(goal: Facts, answer: Plan | NoPlan) -> Probed:
+    return Probed(goal, None, answer) if isinstance(answer, NoPlan) else Probed(goal, answer)

@@ -1,0 +1,359 @@
+"""How a run stands: one frozen value, and what each thing that can happen makes of it. Pure.
+
+The loop holds the latest of these and nothing else that changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from types import MappingProxyType
+from typing import NamedTuple
+
+from executive.belief.interface import Judgement, Memory
+from executive.core.attention import questions
+from executive.core.compare import bearing, compare, outlook, progress
+from executive.core.policy import Doubts, Dropped, Failures, Settings, Turn
+from executive.types import (
+    Atom,
+    Belief,
+    Decision,
+    DecisionKind,
+    Ended,
+    Facts,
+    Ground,
+    Looked,
+    OutcomeKind,
+    Plan,
+    Resumed,
+    SkillResult,
+    Step,
+    Task,
+)
+
+HUNCH = 0.02
+"""What is less probable than this is nothing to act upon."""
+
+
+class Leeway(Enum):
+    """Where a plan may hang on a step that was given up on. One that was given up on twice may be in none."""
+
+    NONE = "nowhere"
+    CHANGED = "where something that bears on it has changed"
+    LAST = "where nothing else is left to do: as before, and if anything was done since"
+
+
+class Stuck(NamedTuple):
+    """A step that was given up on: the known facts that bore on it, after how many actions of the run that was, and how
+    often by now."""
+
+    facts: Facts
+    actions: int
+    times: int
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A state of the world between two actions, as far as it was looked at: what was expected of it and what was known
+    before it, how many looks there were, which atoms they asked about, and the number of the last observation."""
+
+    expected: Facts = field(default_factory=Facts)
+    before: Facts = field(default_factory=Facts)
+    looks: int = 0
+    asked: frozenset[Atom] = frozenset()
+    observation_id: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class RunState:
+    """The course of a run so far.
+
+    `goal` is what is still gone for: the task's goal without what was given up. `memory` is the monitor's own, and
+    `judgement` what it made of the looks at this `moment` (None before the first one). `known` are the facts that were
+    told or ever seen, as they are believed now. `source` is the last look that asked about an atom, with its cameras.
+    `todo` are the positions of the plan's steps that are left, `attempt` counts the tries at the first of them, and
+    `report` is what the skill of this cycle said. `failures` counts how often each step failed, by the known facts that
+    bore on it; `stuck` are the steps that were given up on; `given_up_why` is why some of the goal was given up last.
+    `tried` are the atoms that were acted upon as if they were not what they are believed to be. `since` is how far
+    another process had come, where one began the run. A *cycle* is a turn of the loop, an *action* a dispatched step, a
+    *replan* a plan that was taken up after the first.
+    """
+
+    task: Task
+    goal: Facts
+    known: Facts
+    memory: Memory = None
+    judgement: Judgement | None = None
+    moment: Moment = Moment()
+    source: Mapping[Atom, tuple[int, tuple[str, ...]]] = field(default_factory=lambda: MappingProxyType({}))
+    plan: tuple[Step, ...] | None = None
+    todo: tuple[int, ...] = ()
+    attempt: int = 1
+    report: SkillResult | None = None
+    cycle: int = 0
+    actions: int = 0
+    replans: int = 0
+    looks: int = 0
+    failures: Mapping[Step, Mapping[Facts, int]] = field(default_factory=lambda: MappingProxyType({}))
+    stuck: Mapping[Step, Stuck] = field(default_factory=lambda: MappingProxyType({}))
+    given_up_why: str = ""
+    tried: tuple[Atom, ...] = ()
+    since: Resumed | None = None
+
+    @property
+    def left(self) -> tuple[Step, ...]:
+        """The steps that are left, in order."""
+        return tuple(self.plan[position] for position in self.todo) if self.plan else ()
+
+    @property
+    def state(self) -> Facts:
+        """A complete state to plan from, as the monitor believes it; for one that does not look, as it is known."""
+        return self.judgement.state if self.judgement else Facts.closed(self.known.true, self.task.atoms)
+
+    @property
+    def seen(self) -> Facts:
+        """What the looks at this moment tell."""
+        return self.judgement.seen if self.judgement and self.moment.looks else Facts()
+
+    @property
+    def expected(self) -> Facts:
+        """What was expected of the atoms that this moment's looks are about."""
+        return self.moment.expected.only(self.moment.asked | self.seen.keys())
+
+    @property
+    def asked_all(self) -> bool:
+        """Whether the looks at this moment asked about every atom."""
+        return self.moment.looks > 0 and self.moment.asked.issuperset(self.task.atoms)
+
+    @property
+    def given_up(self) -> Facts:
+        return self.task.goal.without(self.goal)
+
+    def failing(self, step: Step, known: Facts) -> Failures:
+        """How often the step has failed, if it fails now, with `known` known before it."""
+        before = self.failures.get(step, {})
+        return Failures(before.get(bearing(step, known), 0) + 1, sum(before.values()) + 1)
+
+    def hung_on(self, steps: Iterable[Step], state: Facts, leeway: Leeway) -> frozenset[Step]:
+        """Those of the steps, carried out in order from the complete `state`, that are stuck."""
+        found = set()
+        for step in steps if self.stuck else ():
+            if (stuck := self.stuck.get(step)) is not None:
+                changed = leeway is not Leeway.NONE and not state.entails(stuck.facts)
+                later = leeway is Leeway.LAST and self.actions > stuck.actions
+                if stuck.times > 1 or not (changed or later):
+                    found.add(step)
+            state = progress(state, step)
+        return frozenset(found)
+
+    def questions(self, most: int) -> tuple[Atom, ...]:
+        """What a look at this moment should ask about: what the last step changed, what the next one needs, what is in
+        doubt, and the goal."""
+        left = self.left[1:] if self.report else self.left
+        matters = (
+            self.report.step.effects if self.report else (),
+            left[0].preconditions if left else (),
+            self.goal,
+        )
+        probability = self.judgement.probability if self.judgement else {}
+        return questions(self.task.atoms, matters, probability, most)
+
+    def doubts(self, settings: Settings) -> Doubts:
+        """The least certain atoms, and before all those that cannot be told."""
+        if self.judgement is None:
+            return Doubts()
+        certain = self.judgement.least_certain(self.task.atoms)
+        atoms = sorted(certain, key=lambda atom: atom in self.seen)[: settings.max_questions]
+        return Doubts(tuple(atoms), self.unsure(atoms, settings.sure))
+
+    @property
+    def spent(self) -> dict[str, float]:
+        """What was used so far of the run's budgets, but for replans and time."""
+        return {"cycles": self.cycle, "actions": self.actions, "looks": self.looks}
+
+    def unsure_of_goal(self, sure: float) -> tuple[Atom, ...]:
+        """What the goal hangs on and is not sure; where some of it was given up, that may be anything."""
+        return self.unsure(self.task.atoms if self.given_up else self.goal, sure)
+
+    def claimable(self, claim: float) -> Facts:
+        """What is seen, without those literals of the goal that hold with a probability of less than `claim`."""
+        if self.judgement is None or self.judgement.at_word:
+            return self.seen
+        doubtful = self.unsure(self.goal, claim)
+        return self.seen.without([atom for atom in doubtful if self.seen.get(atom) is self.goal[atom]])
+
+    def dropped(self, plan: Plan | None, reached: Facts) -> Dropped:
+        """What was given up; `plan` is for as much of it as is in `reached`, if there is one."""
+        back = self.given_up.only(reached)
+        return Dropped(self.given_up if plan is None else back, self.given_up_why, plan)
+
+    def unsure(self, atoms: Iterable[Atom], sure: float) -> tuple[Atom, ...]:
+        """Those of the atoms that cannot be told, or with a probability of less than `sure`."""
+        probability = self.judgement.probability if self.judgement else {}
+
+        def is_sure(atom: Atom) -> bool:
+            chance = probability.get(atom, 0.5)
+            return atom in self.seen and (chance if self.seen[atom] else 1.0 - chance) >= sure
+
+        return tuple(atom for atom in atoms if not is_sure(atom))
+
+    def grounded(self, decision: Decision) -> Decision:
+        """The decision with what is believed now of the atoms that spoke for it, and with what the skill said."""
+        probability = self.judgement.probability if self.judgement else {}
+
+        def ground(atom: Atom) -> Ground:
+            expected = self.moment.expected.get(atom, self.goal.get(atom))
+            believed = self.seen.get(atom) if self.moment.looks else self.known.get(atom)
+            return Ground(atom, expected, believed, probability.get(atom), *self.source.get(atom, (-1, ())))
+
+        return replace(decision, grounds=tuple(map(ground, decision.evidence)), report=self.report)
+
+    # What can happen.
+
+    def resumed(self, since: Resumed) -> RunState:
+        """Another process goes on, in a cycle of its own."""
+        return replace(
+            self,
+            since=since,
+            cycle=since.cycle + 1,
+            actions=since.actions,
+            replans=since.plans,
+            looks=since.looks,
+        )
+
+    def next_cycle(self) -> RunState:
+        return replace(self, cycle=self.cycle + 1, report=None)
+
+    def looked(self, memory: Memory, judgement: Judgement, raw: Belief, look: Looked) -> RunState:
+        """One more look at the same moment."""
+        asked = frozenset((*raw.probability, *raw.unanswered))
+        moment = replace(
+            self.moment,
+            looks=self.moment.looks + 1,
+            asked=self.moment.asked | asked,
+            observation_id=look.observation_id,
+        )
+        told = judgement.seen.keys() | judgement.remembered.keys()
+        source = {**self.source, **dict.fromkeys(asked, (look.observation_id, look.cameras))}
+        return replace(
+            self,
+            memory=memory,
+            judgement=judgement,
+            known=judgement.state.only(told),
+            moment=moment,
+            source=MappingProxyType(source),
+            looks=self.looks + 1,
+        )
+
+    def waiting(self, memory: Memory) -> RunState:
+        """From here on the world is expected to change: what the next look shows counts, not what earlier ones did."""
+        return replace(self, memory=memory, moment=Moment(observation_id=self.moment.observation_id))
+
+    def whole_goal_seen(self) -> RunState:
+        """What was given up is gone for again, if all of the goal is seen to hold."""
+        return replace(self, goal=self.task.goal) if self.seen.entails(self.task.goal) else self
+
+    @property
+    def hunches(self) -> tuple[Atom, ...]:
+        """The atoms that are not believed and may be true all the same, the most probable first."""
+        if self.judgement is None:
+            return ()
+        chance = {atom: self.judgement.probability.get(atom, 0.0) for atom in self.task.atoms}
+        may_be = [atom for atom, value in chance.items() if value >= HUNCH and not self.state[atom]]
+        # Twice: what the robot was at when it had the hunch may come first, and how that goes may undo the plan.
+        open_ = (atom for atom in may_be if self.tried.count(atom) < 2)
+        return tuple(sorted(open_, key=lambda atom: (-chance[atom], atom)))
+
+    def supposing(self, state: Facts, doubted: Atom) -> RunState:
+        """From here on it is done as if `state` held, though another one is more probable: what was in doubt is sure
+        once that has been carried out."""
+        if self.judgement is None:
+            raise ValueError("nobody has looked yet")
+        judgement = replace(self.judgement, state=state)
+        return replace(self, known=state, judgement=judgement, tried=(*self.tried, doubted))
+
+    def giving_up(self, why: str) -> RunState:
+        """Some of the goal is about to be left out of what is planned for."""
+        return replace(self, given_up_why=why)
+
+    def planned(self, plan: Plan, goal: Facts) -> RunState:
+        """A plan for `goal`, the task's or what is left of it, is taken up."""
+        replans, todo = self.replans + (self.plan is not None), tuple(range(len(plan.steps)))
+        return replace(self, goal=goal, plan=plan.steps, todo=todo, attempt=1, replans=replans)
+
+    def dispatched(self) -> RunState:
+        """The next step is handed to its skill: its effects are expected, and that all else stays."""
+        expected = progress(self.known, self.left[0])
+        moment = Moment(expected, self.known, observation_id=self.moment.observation_id)
+        return replace(self, moment=moment, actions=self.actions + 1)
+
+    def acted(self, result: SkillResult, memory: Memory) -> RunState:
+        """The skill is done with it, however that went."""
+        return replace(self, report=result, memory=memory)
+
+    def assumed(self) -> RunState:
+        """Nobody looks: what was expected of the step becomes what is known."""
+        return replace(self, known=self.moment.expected, todo=self.todo[1:], attempt=1)
+
+    def judged(self, turn: Turn, decision: Decision) -> RunState:
+        """The dispatched step came out as `turn` says, and `decision` was taken on it."""
+        if turn.rest is None:
+            return replace(self.failed(turn.step, self.moment.before, decision), attempt=self.attempt + 1)
+        run_state = self.worked(turn.step) if turn.result.done and not turn.verdict.violated else self
+        return replace(run_state, todo=tuple(self.todo[1:][position] for position in turn.rest), attempt=1)
+
+    def worked(self, step: Step) -> RunState:
+        """The step came out as it was to, so that what it failed by before does not last."""
+        failures = {other: counts for other, counts in self.failures.items() if other != step}
+        stuck = {other: why for other, why in self.stuck.items() if other != step}
+        return replace(self, failures=MappingProxyType(failures), stuck=MappingProxyType(stuck))
+
+    def failed(self, step: Step, known: Facts, decision: Decision) -> RunState:
+        """The step failed when `known` was known."""
+        facts = bearing(step, known)
+        counts = {**self.failures.get(step, {}), facts: self.failing(step, known).here}
+        failures, stuck = {**self.failures, step: MappingProxyType(counts)}, dict(self.stuck)
+        if decision.kind is DecisionKind.GIVE_UP_GOAL:
+            times = stuck[step].times + 1 if step in stuck else 1
+            stuck[step] = Stuck(facts, self.actions, times)
+        return replace(self, failures=MappingProxyType(failures), stuck=MappingProxyType(stuck))
+
+    # What it amounts to.
+
+    def turn(self, result: SkillResult) -> Turn:
+        """Everything that is to be decided upon after the dispatched step was looked at."""
+        step, *left = self.left
+        moment, judgement = self.moment, self.judgement
+        verdict = compare(self.expected, self.seen)
+        view = outlook(step, left, self.state, self.goal, surprised=bool(verdict.violated))
+        ages = {atom: judgement.age(atom) if judgement else None for atom in sorted(view.needed - self.seen.keys())}
+        return Turn(
+            step=step,
+            result=result,
+            expected=self.expected,
+            verdict=verdict,
+            doubts={atom: age for atom, age in ages.items() if age is None or atom in moment.asked},
+            planned=len(left),
+            rest=view.rest,
+            repeatable=view.repeatable,
+            looks=moment.looks,
+            attempt=self.attempt,
+            failures=self.failing(step, moment.before),
+        )
+
+    def ended(self, decision: Decision) -> Ended:
+        """How the run ends. The goal was seen if looks at this last moment, with no action after it, show all of it."""
+        if decision.outcome is None:
+            raise ValueError(f"a run does not end with {decision.kind!r}")
+        goal, reached = self.task.goal, decision.outcome is OutcomeKind.GOAL_REACHED
+        return Ended(
+            decision.outcome,
+            decision.reason,
+            goal_seen=reached and self.moment.looks > 0 and self.seen.entails(goal),
+            unreached=goal.without(compare(goal, self.known).holds).literals(),
+            cycles=self.cycle,
+            actions=self.actions,
+            replans=self.replans,
+            looks=self.looks,
+        )

@@ -1,0 +1,138 @@
+"""Parts that do not come to an end are ended, with the processes that they have started.
+
+Each of these stands between the executive and an estimator, a planner or a skill, keeps its shape, and says of one that
+took too long what is said of one that failed: no answer, no plan in time, a skill that timed out. A skill is asked to
+stop first, and a planner told how long it has. In any other thread than the main one nothing can be interrupted; there
+a part is only asked. Besides the patience with each part there is what is `left` of the run's own time; whichever is
+less counts.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+from executive.protocols import Asking, Estimator, Planner, Preparing, Skill, SkillContext, Tell
+from executive.types import (
+    Atom,
+    Belief,
+    Evidence,
+    Facts,
+    NoPlan,
+    NoPlanReason,
+    Observation,
+    Plan,
+    Questions,
+    SkillResult,
+    SkillStatus,
+    Step,
+)
+from executive.util.timeout import LateError, within
+
+GRACE = 5.0
+"""Wall seconds that a skill has to stop the arm once it is asked to."""
+
+_LAST_WORD = 0.25
+"""Wall seconds that a planner which keeps to its time has to say so."""
+
+Left: TypeAlias = "Callable[[], float]"
+"""How many wall seconds of a run's time are left."""
+
+
+def _endless() -> float:
+    return math.inf
+
+
+def punctual_estimator(estimator: Estimator, seconds: float, left: Left = _endless) -> Estimator:
+    """The estimator, which has no answer once a look has taken it so many wall seconds."""
+    asking: object = estimator  # whether it asks in words is for the running program to find out
+    return (_AskingEstimator if isinstance(asking, Asking) else _Estimator)(estimator, seconds, left)
+
+
+def punctual_planner(planner: Planner, seconds: float) -> Planner:
+    """The planner, which has timed out once it was asked for so many wall seconds."""
+    return _Planner(planner, seconds)
+
+
+def punctual_skills(
+    skills: Mapping[str, Skill], seconds: float, grace: float = GRACE, left: Left = _endless
+) -> dict[str, Skill]:
+    """The skills, which are asked to stop after so many wall seconds, and ended if they do not, and have timed out."""
+    return {action: _Skill(skill, seconds, grace, left) for action, skill in skills.items()}
+
+
+def punctual_preparing(parts: Sequence[Preparing], left: Left) -> list[Preparing]:
+    """The parts, which are no longer made ready once the run has no time left."""
+    return [_Preparing(part, left) for part in parts]
+
+
+class _Preparing:
+    def __init__(self, part: Preparing, left: Left) -> None:
+        self._part, self._left = part, left
+
+    def prepare(self, tell: Tell) -> None:
+        with suppress(LateError):  # the run is over, and the loop says so
+            within(self._left(), lambda: self._part.prepare(tell))
+
+
+class _Estimator:
+    def __init__(self, estimator: Estimator, seconds: float, left: Left) -> None:
+        self._estimator, self._seconds, self._left = estimator, seconds, left
+
+    @property
+    def name(self) -> str:
+        return self._estimator.name
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        try:
+            limit = min(self._seconds, self._left())
+            return within(limit, lambda: self._estimator.estimate(observation, atoms))
+        except LateError as late:
+            why = (Evidence(tuple(observation.images), 0.0, 0.0, f"no answer: it took {late}"),)
+            return Belief(observation.id, {}, frozenset(atoms), self.name, dict.fromkeys(atoms, why))
+
+
+class _AskingEstimator(_Estimator):
+    @property
+    def questions(self) -> Questions:
+        asking: Any = self._estimator
+        questions: Questions = asking.questions
+        return questions
+
+
+class _Planner:
+    def __init__(self, planner: Planner, seconds: float) -> None:
+        self._planner, self._seconds = planner, seconds
+
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
+        limit = min(self._seconds, seconds)
+        try:
+            return within(limit + _LAST_WORD, lambda: self._planner.plan(state, goal, avoid, limit))
+        except LateError as late:
+            return NoPlan(NoPlanReason.TIMED_OUT, f"it took {late}, and was ended", "", limit)
+
+
+class _Skill:
+    def __init__(self, skill: Skill, seconds: float, grace: float, left: Left) -> None:
+        self._skill, self._seconds, self._grace, self._left = skill, seconds, grace, left
+
+    def __call__(self, step: Step, context: SkillContext) -> SkillResult:
+        limit = min(self._seconds, self._left())
+        until = time.monotonic() + limit
+        asked = replace(context, cancelled=lambda: context.cancelled() or time.monotonic() >= until)
+        try:
+            result = within(limit + self._grace, lambda: self._skill(step, asked))
+        except LateError as late:
+            return SkillResult(
+                step, SkillStatus.TIMED_OUT, f"it took {late}, did not stop when asked to, and was ended"
+            )
+        if isinstance(result, SkillResult) and result.status is SkillStatus.CANCELLED and not context.cancelled():
+            reason = f"it was asked to stop after {round(limit, 2):g} s"
+            return replace(result, status=SkillStatus.TIMED_OUT, reason=reason)
+        return result

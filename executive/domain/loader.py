@@ -1,0 +1,214 @@
+"""A domain folder, read into a `Domain`; every mistake in it is named with its file and key.
+
+A folder is data only and may come from a stranger: nothing in it is run, no path in it leads outside it, and no file
+in it is read beyond a size that any honest one keeps. Skills and relations are named by plain words, which installed
+packages register under the entry-point groups `executive.skills` and `executive.relations`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from executive.domain.manifest import MANIFEST, Looking, Manifest, Source, inside
+from executive.domain.pddl import Schema, read_task, read_vocabulary
+from executive.errors import DomainError, nearest
+from executive.types import Task
+from executive.util.files import read_toml
+
+DOMAIN, PROBLEM, QUESTIONS, INSTRUCTIONS = "domain.pddl", "problem.pddl", "questions.toml", "instructions.md"
+"""What the files of a folder without a manifest are called."""
+
+_SHIPPED = (Path(__file__).parents[1] / "domains").resolve()
+"""In an installed wheel a folder of the package; in a checkout a link to the one beside it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """What an estimator is asked about: a task's atoms, and the files that say it in words.
+
+    `pddl` is the domain's PDDL file, `questions` the templates of its questions and `instructions` the text on how
+    things look, both where there are any; `executive.s3e` reads them.
+    """
+
+    name: str
+    task: Task
+    pddl: Path
+    questions: Path | None = None
+    instructions: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Domain:
+    """A domain and one of its problems, checked.
+
+    `parsed` is what a planner is made from; `skills` maps each action to the name of the skill that carries it out,
+    `relations` each predicate that is not static to what is its truth in the simulator: the name of a relation, with
+    its arguments where they are not the predicate's own (`on(?tool, tray)`); `scene` is the file that the world is
+    built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how
+    reliable the skills are (`executive.app.sensor_fit` reads it), if there is one, `looking` is how it is to look, and
+    `files` are all the files that were read or located."""
+
+    name: str
+    folder: Path
+    title: str
+    description: str
+    task: Task
+    parsed: Schema
+    world: str
+    scene: Path
+    skills: Mapping[str, str]
+    relations: Mapping[str, str]
+    subject: Subject
+    outcomes: Path | None
+    looking: Looking
+    files: tuple[Path, ...]
+
+    def fingerprint(self) -> str:
+        """SHA-256 over the contents of all its files."""
+        content = hashlib.sha256()
+        for file in self.files:
+            content.update(hashlib.sha256(file.read_bytes()).digest())
+        return content.hexdigest()
+
+
+def list_domains() -> tuple[str, ...]:
+    """The names of the domains that are shipped with Executive."""
+    return tuple(sorted(path.parent.name for path in _SHIPPED.glob(f"*/{MANIFEST}")))
+
+
+def load_domain(
+    where: str | Path,
+    problem: str | None = None,
+    *,
+    skills: Collection[str] | None = None,
+    relations: Collection[str] | None = None,
+) -> Domain:
+    """Read and check a domain folder, or a shipped domain by its name.
+
+    `problem` is the name of a file in the folder's `problems/`, or the path of a file inside the folder; without it,
+    the problem that the manifest names. `skills` and `relations` are the names that exist; without them, those that
+    are registered as entry points.
+
+    Raises:
+        DomainError: the first mistake, in one line with its file and key.
+    """
+    folder = _locate(where)
+    source = Source(folder)
+    manifest = source.manifest()
+    domain_file = source.file(manifest.domain, "domain")
+    default = source.file(manifest.problem, "problem")
+    problem_file = default if problem is None else _problem(folder, problem)
+    questions, instructions = source.words(manifest)
+    scene = source.file(manifest.world.scene, "world.scene")
+    outcomes = None if manifest.outcomes is None else source.file(manifest.outcomes, "outcomes")
+    parsed = read_task(domain_file, problem_file, _looked_at(manifest, questions))
+    skill_of = {name: table.skill for name, table in manifest.actions.items()}
+    relation_of = {name: table.relation for name, table in manifest.predicates.items()}
+    source.check("actions", "skill", parsed.actions, skill_of, skills)
+    source.check("predicates", "relation", parsed.predicates, relation_of, relations, parsed.static)
+    for name, said in relation_of.items():
+        relation_of[name] = source.relation(name, said, [f"?{each}" for each in parsed.task.parameters[name]])
+    name = folder.resolve().name
+    files = (source.path, domain_file, problem_file, scene, questions, instructions, outcomes)
+    return Domain(
+        name=name,
+        folder=folder,
+        title=manifest.title,
+        description=manifest.description,
+        task=parsed.task,
+        parsed=parsed,
+        world=manifest.world.kind,
+        scene=scene,
+        skills=MappingProxyType(skill_of),
+        relations=MappingProxyType(relation_of),
+        subject=Subject(name, parsed.task, domain_file, questions, instructions),
+        outcomes=outcomes,
+        looking=source.looking(
+            manifest,
+            parsed.predicates,
+            {name: [variable for variable, _ in action.parameters] for name, action in parsed.actions.items()},
+            # those of the manifest's own problem, too: others may do with fewer
+            {*parsed.task.objects, *read_vocabulary(domain_file, default).objects},
+            skills,
+        ),
+        files=tuple(file for file in files if file is not None),
+    )
+
+
+def load_subject(where: str | Path, problem: str | None = None) -> Subject:
+    """Read what can be estimated in a domain folder, or in a shipped domain by its name. Nothing else of it needs to be
+    there or supported: actions of any kind, numbers, no skills, no scene.
+
+    What no action of the domain changes is not estimated, unless questions.toml or domain.toml speaks of it.
+
+    A folder without a manifest has its domain in domain.pddl and, unless `problem` names another one, its problem in
+    problem.pddl; questions.toml and instructions.md are taken where they are there.
+
+    Raises:
+        DomainError: the first mistake, in one line with its file and key.
+    """
+    folder = Path(where)
+    if os.path.isfile(folder / DOMAIN) and not (folder / MANIFEST).exists():
+        domain_file = inside(folder, folder / DOMAIN)
+        problem_file = inside(folder, folder / PROBLEM) if problem is None else _problem(folder, problem)
+        questions, instructions = (
+            inside(folder, folder / name) if (folder / name).exists() else None for name in (QUESTIONS, INSTRUCTIONS)
+        )
+        seen = _asked(questions)
+    else:
+        source = Source(folder := _locate(where))
+        manifest = source.manifest()
+        domain_file = source.file(manifest.domain, "domain")
+        default = source.file(manifest.problem, "problem")
+        problem_file = default if problem is None else _problem(folder, problem)
+        questions, instructions = source.words(manifest)
+        seen = _looked_at(manifest, questions)
+    task = read_vocabulary(domain_file, problem_file, seen)
+    return Subject(folder.resolve().name, task, domain_file, questions, instructions)
+
+
+def _looked_at(manifest: Manifest, questions: Path | None) -> set[str]:
+    """The predicates that somebody is to look at, whether an action changes them or not."""
+    return {*manifest.predicates, *_asked(questions)}
+
+
+def _asked(questions: Path | None) -> set[str]:
+    """The predicates that there is a question for. What is wrong with the file is said when it is needed."""
+    if questions is None:
+        return set()
+    try:
+        asked = read_toml(questions, mistake=DomainError).get("questions")
+    except DomainError:
+        return set()
+    return {name.lower() for name in asked} if isinstance(asked, dict) else set()
+
+
+def _locate(where: str | Path) -> Path:
+    folder, shipped = Path(where), list_domains()
+    if os.path.exists(folder / MANIFEST):  # not so for names that no file can have
+        return folder
+    if isinstance(where, str) and where in shipped:
+        return _SHIPPED / where
+    if os.path.isdir(folder):
+        raise DomainError(f"there is no {MANIFEST} in this folder", file=folder)
+    if os.path.exists(folder):
+        raise DomainError(f"is not a folder; a domain is a folder with a {MANIFEST}", file=folder)
+    raise DomainError(
+        f"no such folder, nor a shipped domain of that name; {nearest(folder.name, shipped)}", file=folder
+    )
+
+
+def _problem(folder: Path, problem: str) -> Path:
+    """The problem that the user asks for: a name in `problems/`, or a path inside the folder."""
+    names = sorted(path.stem for path in (folder / "problems").glob("*.pddl"))
+    if problem in names:
+        return inside(folder, folder / "problems" / f"{problem}.pddl")
+    for path in (folder / problem, Path(problem)):
+        if path.suffix == ".pddl" and os.path.isfile(path):
+            return inside(folder, path)
+    raise DomainError(f"there is no problem {problem!r}; {nearest(problem, names)}", file=folder / "problems")

@@ -1,0 +1,233 @@
+"""Faults of the executive's own parts: each of these stands between it and a world's cameras, an estimator, a planner
+or a skill, keeps the same shape (`executive.protocols`), and lets through what its part says unless a fault has it
+otherwise."""
+
+from __future__ import annotations
+
+import math
+import time
+import zlib
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from executive.faults.grammar import Fault
+from executive.faults.image_noise import spoiled
+from executive.faults.injector import FaultInjector
+from executive.protocols import Asking, Estimator, Planner, Skill, SkillContext, World
+from executive.types import (
+    Atom,
+    Belief,
+    Evidence,
+    Facts,
+    Frame,
+    Image,
+    NoPlan,
+    NoPlanReason,
+    Observation,
+    Phase,
+    Plan,
+    Questions,
+    Scenery,
+    SkillResult,
+    SkillStatus,
+    Step,
+)
+
+DELAY = 2.0
+"""Wall seconds by which a slow estimator is slower, where a fault does not say."""
+
+_SHIFT = (0.08, 0.15)
+"""How far a camera that was knocked has its pictures off, as shares of their width."""
+
+_POLL = 0.01
+"""Wall seconds between two looks of a skill that hangs at whether it is cancelled."""
+
+
+def faulty_world(world: World, faults: FaultInjector) -> World:
+    """The world, seen through cameras that fail when the faults say so."""
+    return _World(world, faults)
+
+
+def faulty_estimator(estimator: Estimator, faults: FaultInjector) -> Estimator:
+    """The estimator, which is silent, wrong or slow when the faults say so."""
+    asking: object = estimator  # whether it asks in words is for the running program to find out
+    return (_AskingEstimator if isinstance(asking, Asking) else _Estimator)(estimator, faults)
+
+
+def faulty_planner(planner: Planner, faults: FaultInjector) -> Planner:
+    """The planner, which runs out of time or crashes when the faults say so."""
+    return _Planner(planner, faults)
+
+
+def faulty_skills(skills: Mapping[str, Skill], faults: FaultInjector) -> dict[str, Skill]:
+    """The skills, which find no motion, hang or raise when the faults say so."""
+    return {action: _Skill(skill, faults) for action, skill in skills.items()}
+
+
+class _World:
+    def __init__(self, world: World, faults: FaultInjector) -> None:
+        self._world, self._faults = world, faults
+        self._last: dict[str, Image] = {}
+
+    @property
+    def time(self) -> float:
+        return self._world.time
+
+    @property
+    def handle(self) -> Any:
+        return self._world.handle
+
+    def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
+        observation = self._world.observe(cause, cameras)
+        images = dict(observation.images)
+        for place, fault in self._faults.felt("camera"):
+            hit = [camera for camera in images if fault.camera in (None, camera)]
+            for camera in hit:
+                images[camera] = self._changed(place, fault, camera, images[camera])
+            if hit:
+                self._faults.bite(place, f"{', '.join(hit)}: {fault.way}")
+        self._last.update(images)
+        return replace(observation, images=images)
+
+    def snapshot(self) -> bytes:
+        return self._world.snapshot()
+
+    def restore(self, snapshot: bytes) -> None:
+        self._world.restore(snapshot)
+
+    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
+        return self._world.disturb(kind, rng, **arguments)
+
+    def schedule(self, delay: float, action: Callable[[], None]) -> None:
+        self._world.schedule(delay, action)
+
+    def scenery(self) -> Scenery:
+        return self._world.scenery()
+
+    def watch(self, listener: Callable[[Frame], None] | None) -> None:
+        self._world.watch(listener)
+
+    def _changed(self, place: int, fault: Fault, camera: str, image: Image) -> Image:
+        match fault.way:
+            case "black":
+                return np.zeros_like(image)
+            case "frozen":
+                return self._last.get(camera, image)
+            case "shifted":
+                return _shifted(image, self._faults.chance(place))
+            case way:
+                chance = self._faults.drawn(place, zlib.crc32(camera.encode()))
+                return spoiled(image, way, fault.amount, chance)
+
+
+def _shifted(image: Image, chance: np.random.Generator) -> Image:
+    """The picture moved in a random direction, with black where nothing was seen."""
+    length, angle = image.shape[1] * chance.uniform(*_SHIFT), chance.uniform(-np.pi, np.pi)
+    down, right = round(length * np.sin(angle)), round(length * np.cos(angle))
+    moved = np.zeros_like(image)
+    height, width = image.shape[:2]
+    moved[max(0, down) : height + min(0, down), max(0, right) : width + min(0, right)] = image[
+        max(0, -down) : height + min(0, -down), max(0, -right) : width + min(0, -right)
+    ]
+    return moved
+
+
+class _Estimator:
+    def __init__(self, estimator: Estimator, faults: FaultInjector) -> None:
+        self._estimator, self._faults = estimator, faults
+
+    @property
+    def name(self) -> str:
+        return self._estimator.name
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        belief = self._estimator.estimate(observation, atoms)
+        for place, fault in self._faults.felt("estimator"):
+            about = [atom for atom in sorted(atoms) if fault.item is None or fault.item in atom.args]
+            if fault.way == "wrong" and fault.share is not None:
+                about = [atom for atom in about if self._drawn(place, atom) < fault.share]
+            if not about:
+                continue
+            match fault.way:
+                case "slow":
+                    seconds = DELAY if fault.seconds is None else fault.seconds
+                    self._faults.bite(place, f"answers come {seconds:g} s late")
+                    time.sleep(seconds)
+                case "silent":
+                    self._faults.bite(place, f"no answer about {_listed(about)}")
+                    belief = _silenced(belief, about)
+                case _:
+                    self._faults.bite(place, f"the opposite is answered about {_listed(about)}")
+                    belief = _turned_round(belief, about)
+        return belief
+
+    def _drawn(self, place: int, atom: Atom) -> float:
+        """Drawn for each atom on its own, so that it does not matter which others are asked about."""
+        return float(self._faults.drawn(place, zlib.crc32(str(atom).encode())).random())
+
+
+class _AskingEstimator(_Estimator):
+    @property
+    def questions(self) -> Questions:
+        asking: Any = self._estimator
+        questions: Questions = asking.questions
+        return questions
+
+
+def _silenced(belief: Belief, about: Collection[Atom]) -> Belief:
+    kept = {atom: value for atom, value in belief.probability.items() if atom not in about}
+    evidence = {atom: answers for atom, answers in belief.evidence.items() if atom not in about}
+    return replace(belief, probability=kept, unanswered=belief.unanswered | frozenset(about), evidence=evidence)
+
+
+def _turned_round(belief: Belief, about: Collection[Atom]) -> Belief:
+    probability = {atom: 1.0 - value if atom in about else value for atom, value in belief.probability.items()}
+    evidence = {
+        atom: tuple(map(_swapped, answers)) if atom in about else answers for atom, answers in belief.evidence.items()
+    }
+    return replace(belief, probability=probability, evidence=evidence)
+
+
+def _swapped(answer: Evidence) -> Evidence:
+    return replace(answer, yes_mass=answer.no_mass, no_mass=answer.yes_mass)
+
+
+def _listed(atoms: Sequence[Atom]) -> str:
+    return f"{len(atoms)} atoms" if len(atoms) > 3 else ", ".join(map(str, atoms))
+
+
+class _Planner:
+    def __init__(self, planner: Planner, faults: FaultInjector) -> None:
+        self._planner, self._faults = planner, faults
+
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
+        for place, fault in self._faults.felt("planner"):
+            crashed = fault.way == "crash"
+            self._faults.bite(place, "the planner crashes" if crashed else "the planner runs out of time")
+            return NoPlan(NoPlanReason.CRASHED if crashed else NoPlanReason.TIMED_OUT, f"the fault {fault}", "fault")
+        return self._planner.plan(state, goal, avoid, seconds)
+
+
+class _Skill:
+    def __init__(self, skill: Skill, faults: FaultInjector) -> None:
+        self._skill, self._faults = skill, faults
+
+    def __call__(self, step: Step, context: SkillContext) -> SkillResult:
+        for place, _ in self._faults.felt("motion", step):
+            self._faults.bite(place, "no motion is found")
+            context.announce(Phase("plan"))
+            return SkillResult(step, SkillStatus.NO_PATH, "no collision-free motion")
+        for place, fault in self._faults.felt("skill", step):
+            if fault.way == "raise":
+                self._faults.bite(place, "the skill raises an exception")
+                raise RuntimeError(f"the fault {fault}")
+            self._faults.bite(place, "the skill hangs")
+            while not context.cancelled():
+                time.sleep(_POLL)
+            return SkillResult(step, SkillStatus.CANCELLED, "cancelled")
+        return self._skill(step, context)

@@ -1,0 +1,44 @@
+"""Modules that README or docs of version 0.1 showed, importable for one release by the names that they had then."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+MOVED = {
+    "executive.assemble": "executive.app.run",
+    "executive.compare": "executive.core.compare",
+    "executive.loop": "executive.core.loop",
+    "executive.pddl": "executive.domain.pddl",
+}
+"""By the former name, the module's name now."""
+
+
+class _Finder(MetaPathFinder, Loader):
+    """Makes a module of the former name that has the contents of the one that took its place."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        return ModuleSpec(fullname, self) if fullname in MOVED else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        now = MOVED[module.__name__]
+        warnings.warn(
+            f"{module.__name__} is called {now} now; the former name works until version 0.3",
+            FutureWarning,
+            stacklevel=2,
+        )
+        moved = import_module(now)
+        module.__dict__["__getattr__"] = lambda name: getattr(moved, name)
+
+
+def install() -> None:
+    """Have former names be found from now on, after everything that exists."""
+    if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        sys.meta_path.append(_Finder())

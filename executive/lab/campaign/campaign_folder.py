@@ -1,0 +1,230 @@
+"""A campaign in its folder: what is there already, what is missing, and the work of having that played.
+
+An episode depends on its seed and on what the campaign's file says of it alone, not on who plays it, nor when: a
+campaign that was killed goes on with the episodes that it lacks, and one may be extended by more seeds, faults or
+contenders.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+from pydantic import BaseModel, ValidationError
+
+from executive.errors import InputError, nearest
+from executive.lab.campaign.design import Campaign, Episode
+from executive.lab.campaign.episode import FAILED, Row, row_of
+from executive.lab.campaign.rows import Rows, read_rows
+from executive.lab.collection.collect import DECIDING, version_of
+from executive.lab.collection.dataset import write_atomically
+from executive.lab.common.folder_lock import lock, sweep
+from executive.lab.common.process_pool import Crew, done_by
+from executive.lab.common.progress import Progress
+from executive.util.files import legible, read_json
+
+MANIFEST, WORK = "campaign.json", ".work"
+FORMAT = 1
+
+_VERSIONS = (*DECIDING, "torch", "transformers", "unified-planning", "up-fast-downward")
+
+
+class Bench:
+    """One campaign, its folder checked and what is there already read. A context manager that holds the folder.
+
+    Args:
+        command: what goes on with it.
+        warn: is told of damage.
+
+    Raises:
+        InputError: the folder holds something else, or another process plays in it.
+    """
+
+    def __init__(
+        self, campaign: Campaign, out: Path, command: str, warn: Callable[[str], None] = lambda line: None
+    ) -> None:
+        self.campaign, self.out = campaign, out
+        self._cancelled = False
+        what = _what(campaign)
+        _check_folder(out, what)
+        self._lock = lock(out, "playing a campaign", command)
+        try:
+            sweep(out)
+            self._rows = Rows(out, warn)
+            document = {
+                "format": FORMAT,
+                "title": campaign.title,
+                "about": campaign.about,
+                "command": legible(command),
+                "seeds": list(campaign.seeds),
+                "episodes": campaign.size,
+                "campaign": what,
+            }
+            write_atomically(out / MANIFEST, (json.dumps(document, indent=2) + "\n").encode())
+            self._clear()
+        except OSError as error:
+            self.close()
+            raise InputError(f"cannot be written to ({error.strerror})", file=out) from None
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._clear()
+        self._rows.__exit__()
+        self.close()
+
+    def close(self) -> None:
+        """Let another process play in this folder."""
+        self._lock.release()
+
+    def cancel(self) -> None:
+        """Have `play` stop soon. A flag: safe from any thread and signal handler."""
+        self._cancelled = True
+
+    @property
+    def work(self) -> Path:
+        """Where runs have their folders while they go on; emptied before and afterwards."""
+        folder = self.out / WORK
+        folder.mkdir(exist_ok=True)
+        return folder
+
+    def wanted(self, only: Collection[str] = (), seeds: int | None = None) -> list[Episode]:
+        """The episodes of the first so many seeds by some contenders; by default, all.
+
+        Raises:
+            InputError: there is no such contender.
+        """
+        names = {name: who for who in self.campaign.contenders for name in (str(who), who.estimator)}
+        for name in only:
+            if name not in names:
+                raise InputError(f"no contender {name!r}; {nearest(name, names)}", key="--only")
+        chosen = frozenset(self.campaign.seeds[:seeds])
+        return [
+            episode
+            for episode in self.campaign.episodes()
+            if episode.seed in chosen and (not only or {str(episode.contender), episode.contender.estimator} & {*only})
+        ]
+
+    def missing(self, wanted: Sequence[Episode]) -> list[Episode]:
+        """Those of the episodes that have no row yet."""
+        return [episode for episode in wanted if episode.key not in self._rows.known]
+
+    def retry(self) -> None:
+        """Have the episodes that could not be played to an end count as missing."""
+        for key, row in list(self._rows.known.items()):
+            if row.outcome == FAILED:
+                del self._rows.known[key]
+
+    def play(
+        self,
+        wanted: Sequence[Episode],
+        crew: Crew[Episode, Row],
+        watch: Callable[[Progress], None] = lambda progress: None,
+    ) -> bool:
+        """Have what is missing of the episodes played; whether that came to its end. `watch` is called a few times a
+        second.
+
+        Raises:
+            InputError: rows cannot be written any more.
+        """
+        left, began = self.missing(wanted), time.monotonic()
+        waiting, new, there = iter(left), 0, len(wanted) - len(left)
+        watch(Progress(there, len(wanted), 0, 0.0))
+        for ended in done_by(crew, lambda: next(waiting, None), lambda: self._cancelled, tries=1):
+            for each in ended:
+                self._rows.add(row_of(each))
+            new += len(ended)
+            watch(Progress(there + new, len(wanted), new, time.monotonic() - began))
+        return new == len(left)
+
+    def _clear(self) -> None:
+        shutil.rmtree(self.out / WORK, ignore_errors=True)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What a campaign's folder is about.
+
+    Raises:
+        InputError: there is no campaign in it, or the file is damaged.
+    """
+    file = folder / MANIFEST
+    if not os.path.exists(file):
+        raise InputError(f"holds no campaign: it has no {MANIFEST}", file=folder)
+    said = read_json(file)
+    try:
+        return _Manifest.model_validate(said).model_dump()
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"])) or None
+        raise InputError(f"is damaged: {first['msg']}", file=file, key=key) from None
+
+
+class _What(BaseModel):
+    places: dict[str, str]
+    faults: dict[str, list[str]]
+    contenders: dict[str, dict[str, Any]]
+    options: dict[str, Any]
+    versions: dict[str, str]
+
+
+class _Manifest(BaseModel):
+    format: Literal[1]
+    title: str
+    about: str
+    command: str
+    seeds: list[int]
+    episodes: int
+    campaign: _What
+
+
+def _what(campaign: Campaign) -> dict[str, Any]:
+    return {**campaign.described(), "versions": {name: version_of(name) for name in _VERSIONS}}
+
+
+def _check_folder(out: Path, what: Mapping[str, Any]) -> None:
+    if os.path.exists(out) and not out.is_dir():
+        raise InputError("is not a folder", file=out)
+    if not os.path.exists(out) or all(entry.name.startswith(".") for entry in out.iterdir()):
+        return
+    if not (out / MANIFEST).exists():
+        message = f"is not empty and holds no campaign (no {MANIFEST}); choose another folder with --out"
+        raise InputError(message, file=out)
+    there, played = read_manifest(out)["campaign"], list(read_rows(out, lambda line: None).values())
+    difference = _difference(_of_these(there, played), what) if played else None
+    if difference is not None:
+        raise InputError(f"holds another campaign ({difference}); choose another folder with --out", file=out)
+
+
+def _of_these(what: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
+    """What was said of those places, faults and contenders that have rows."""
+    used = {
+        "places": {f"{row.domain}/{row.problem}" for row in rows},
+        "faults": {row.faults for row in rows},
+        "contenders": {f"{row.estimator}, {row.monitor}" if row.monitor else row.estimator for row in rows},
+    }
+    return {**what, **{kind: {name: what[kind].get(name) for name in names} for kind, names in used.items()}}
+
+
+def _difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str | None:
+    """The first thing in which two campaigns contradict each other, in words. What only one of them has is none."""
+    for kind, word in (("places", "the files of"), ("faults", "the faults"), ("contenders", "the contender")):
+        for name, value in here[kind].items():
+            if name in there[kind] and there[kind][name] != value:
+                return f"{word} {name!r} {'was another one' if kind == 'contenders' else 'were others'}"
+    for kind in ("options", "versions"):
+        for name, value in here[kind].items():
+            if there[kind].get(name) != value:
+                return f"{name.replace('_', ' ')} is {there[kind].get(name)} there and {value} here"
+    return None

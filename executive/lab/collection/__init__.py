@@ -1,0 +1,1 @@
+"""Data sets of pictures and the truth about them, from random actions in simulation."""

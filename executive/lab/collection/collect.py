@@ -1,0 +1,377 @@
+"""Data collection (the paper's Appendix D): which episodes are played, by how many processes, and what is kept.
+
+A collection is its first episodes, as many as it takes for the points that were asked for; the last one is cut. An
+episode depends on the seed and its own number alone, so it does not matter which process plays it, nor when: a
+collection that was killed goes on with the episodes that it lacks, and one may be extended to more points.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shlex
+import time
+from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from executive.app.run import checked_stage
+from executive.domain.loader import Domain, load_domain
+from executive.errors import ExecutiveError, InputError
+from executive.lab.collection import data_card, dataset
+from executive.lab.collection.dataset import Log
+from executive.lab.collection.episode import MOST_FAILURES, MOST_POINTS, Collector
+from executive.lab.common.folder_lock import lock, sweep
+from executive.lab.common.process_pool import Crew, LostError, Processes, Tell, done_by
+from executive.lab.common.progress import Progress
+from executive.sim.spec import read_scene
+from executive.util.files import legible
+
+GRASP_NOISE, SLIPS = 0.010, 0.05
+"""m, and a probability. With these, `executive collect grocery --points 60 --seed 1` completed 31 of 35 picks and 29 of
+30 places; 6 mm spoil hardly any pick, 15 mm spoil three in ten. Each data card has its own count."""
+
+FRUITLESS = 10
+"""Episodes without a single point after which a collection is given up."""
+
+DECIDING = ("executive", "daqp", "mink", "mujoco", "numpy", "ompl", "pillow", "robosuite", "scipy", "toppra")
+"""Packages that the data may differ with, so that a collection is not continued with another version of one."""
+
+
+@dataclass(frozen=True, slots=True)
+class CollectConfig:
+    """What to collect, and where. `grasp_noise` is a standard deviation in m, `slips` the chance that the gripper lets
+    go in an action that carries something, `per_episode` the number of completed actions before a reset; `jobs`
+    processes share the work (all cores unless it is given) and change nothing in the data."""
+
+    domain: str
+    out: Path
+    points: int = 2000
+    problem: str | None = None
+    seed: int = 0
+    home_pose: bool = True
+    grasp_noise: float = GRASP_NOISE
+    slips: float = SLIPS
+    jobs: int | None = None
+    per_episode: int = MOST_POINTS
+
+    def __post_init__(self) -> None:
+        if self.points < 1:
+            raise InputError(f"{self.points} is not a number of points from 1 on", key="--points")
+        if not 0 <= self.seed < 2**63:
+            raise InputError(f"{self.seed} is not a seed from 0 to 2^63 - 1", key="--seed")
+        if not (math.isfinite(self.grasp_noise) and self.grasp_noise >= 0.0):
+            raise InputError(f"{self.grasp_noise} is not a standard deviation in m", key="--grasp-noise")
+        if not 0.0 <= self.slips <= 1.0:
+            raise InputError(f"{self.slips} is not a probability from 0 to 1", key="--slips")
+        if self.per_episode < 1:
+            raise InputError(f"{self.per_episode} is not a number of points from 1 on", key="per_episode")
+        if self.jobs is not None and self.jobs < 1:
+            raise InputError(f"{self.jobs} is not a number of processes from 1 on", key="--jobs")
+
+    @property
+    def command(self) -> str:
+        """The command that collects this, and goes on with it."""
+        words = ["executive", "collect", self.domain, "--points", str(self.points), "--seed", str(self.seed)]
+        words += ["--out", str(self.out)]
+        if self.problem is not None:
+            words += ["--problem", self.problem]
+        if not self.home_pose:
+            words += ["--no-home-pose"]
+        if self.grasp_noise != GRASP_NOISE:
+            words += ["--grasp-noise", repr(self.grasp_noise)]
+        if self.slips != SLIPS:
+            words += ["--slips", repr(self.slips)]
+        return legible(shlex.join(words))
+
+
+class Task(NamedTuple):
+    """An episode to be played, and after how many points it is cut."""
+
+    episode: int
+    most: int
+
+
+class Played(NamedTuple):
+    """What an episode came to, and its file."""
+
+    log: Log
+    shard: bytes
+
+
+class Collection:
+    """One collection, its folder checked and what is there already read. A context manager that holds the folder.
+
+    Raises:
+        DomainError: the domain folder has a mistake.
+        InputError: the folder holds something else, or another process collects in it.
+    """
+
+    def __init__(self, config: CollectConfig, warn: Callable[[str], None] = lambda line: None) -> None:
+        self.config = config
+        self.domain = load_domain(config.domain, config.problem)
+        checked_stage(self.domain)
+        self._what = _described(config, self.domain)
+        self._digest = dataset.digest(self._what)
+        self._cancelled = False
+        self._cameras = {camera.name: [camera.width, camera.height] for camera in read_scene(self.domain.scene).cameras}
+        self._check_folder()
+        self._lock = lock(config.out, "collecting", config.command)
+        try:
+            sweep(config.out, config.out / dataset.SHARDS)
+            self._logs = self._read_logs(warn)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Collection:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let another process collect in this folder."""
+        self._lock.release()
+
+    @property
+    def player(self) -> Callable[[], Player]:
+        """Makes what plays its episodes, in any process."""
+        return partial(Player, self.config, self._digest, tuple(self._cameras))
+
+    def cancel(self) -> None:
+        """Have `run` stop soon. A flag: safe from any thread and signal handler."""
+        self._cancelled = True
+
+    def run(
+        self,
+        watch: Callable[[Progress], None] = lambda progress: None,
+        hire: Callable[[], Crew[Task, Played]] | None = None,
+    ) -> dict[str, Any] | None:
+        """Collect what is missing, write the data card, and return the manifest; None when cancelled.
+
+        `watch` is called a few times a second. `hire` says who plays, if anything is missing. Without it, processes are
+        spawned: a script that calls this guards its own start with `if __name__ == "__main__"`, as multiprocessing
+        asks.
+        """
+        if self._lacking():
+            self._write_manifest(finished=False)
+            self._drop_cut()
+            crew = Processes[Task, Played](self.player, self.config.jobs) if hire is None else hire()
+            with crew as players:
+                self._collect(players, watch)
+            if self._cancelled:
+                return None
+            self._cut()
+        logs = [self._logs[number] for number in sorted(self._logs)]
+        manifest = self._write_manifest(finished=False, statistics=data_card.statistics(self.config.out, logs))
+        text = data_card.render(manifest)
+        dataset.write_atomically(self.config.out / dataset.CARD, text.encode())
+        return self._write_manifest(finished=True, statistics=manifest["statistics"])
+
+    # Which episodes.
+
+    def _lacking(self) -> bool:
+        """Whether what is there is not the collection yet: its first episodes, with all their points and no more."""
+        numbers = sorted(self._logs)
+        points = sum(log.points for log in self._logs.values())
+        whole = all(self._logs[number].ending is not dataset.Ending.CUT for number in numbers[:-1])
+        return not (numbers == list(range(len(numbers))) and whole and points == self.config.points)
+
+    def _drop_cut(self) -> None:
+        """An episode that was cut short is played again, for the points that are asked for now."""
+        for number in [number for number, log in self._logs.items() if log.ending is dataset.Ending.CUT]:
+            del self._logs[number]
+
+    def _next(self, busy: AbstractSet[int]) -> Task | None:
+        """The first episode that is missing, if even full episodes before it would leave points to be made, and how
+        many of its points are of use.
+
+        So no episode is ever played in vain, and which ones are played does not depend on who is quicker.
+        """
+        full, before, number = self.config.per_episode, 0, 0
+        while number in self._logs or number in busy:
+            before += self._logs[number].points if number in self._logs else full
+            number += 1
+        left = self.config.points - before
+        certain = not any(other < number for other in busy)  # else episodes before it may turn out to be short
+        return Task(number, min(left, full) if certain else full) if left > 0 else None
+
+    def _cut(self) -> None:
+        """Leave the points that were asked for."""
+        left = self.config.points
+        for number in sorted(self._logs):
+            if self._logs[number].points > left:
+                self._logs[number] = dataset.cut_shard(self.config.out, self._digest, self._logs[number], left)
+            left -= self._logs[number].points
+
+    # Who plays them.
+
+    def _collect(self, crew: Crew[Task, Played], watch: Callable[[Progress], None]) -> None:
+        kept, began = sum(log.points for log in self._logs.values()), time.monotonic()
+        playing: set[int] = set()
+
+        def following() -> Task | None:
+            task = self._next(playing)
+            if task is not None:
+                playing.add(task.episode)
+            return task
+
+        made = 0
+        for ended in done_by(crew, following, lambda: self._cancelled):
+            for each in ended:
+                playing.remove(each.job.episode)
+                try:
+                    self._keep(each.value())
+                except LostError as error:
+                    raise ExecutiveError(
+                        f"episode {each.job.episode}: {error}; go on with: {self.config.command}"
+                    ) from None
+                made += self._logs[each.job.episode].points
+            self._give_up_if_fruitless()
+            new = round(made + crew.under_way)
+            watch(Progress(min(kept + new, self.config.points), self.config.points, new, time.monotonic() - began))
+
+    def _keep(self, played: Played) -> None:
+        try:
+            dataset.write_atomically(dataset.shard(self.config.out, played.log.episode), played.shard)
+        except OSError as error:
+            raise InputError(f"cannot be written to ({error.strerror})", file=self.config.out) from None
+        self._logs[played.log.episode] = played.log
+
+    def _give_up_if_fruitless(self) -> None:
+        if len(self._logs) >= FRUITLESS and not any(log.points for log in self._logs.values()):
+            attempts = [attempt for log in self._logs.values() for attempt in log.attempts]
+            last = (
+                f"{attempts[-1].action}: {attempts[-1].status} ({attempts[-1].reason})" if attempts else "none applies"
+            )
+            raise InputError(
+                f"no action was completed in {len(self._logs)} episodes; the last one: {last}", file=self.domain.folder
+            )
+
+    # What is kept beside the episodes.
+
+    def _check_folder(self) -> None:
+        out = self.config.out
+        if os.path.exists(out) and not out.is_dir():
+            raise InputError("is not a folder", file=out)
+        if not os.path.exists(out) or all(entry.name.startswith(".") for entry in out.iterdir()):
+            return
+        if not (out / dataset.MANIFEST).exists():
+            raise InputError(
+                f"is not empty and holds no collection (no {dataset.MANIFEST}); choose another folder with --out",
+                file=out,
+            )
+        manifest = dataset.read_manifest(out)
+        difference = _difference(manifest["collection"], self._what)
+        if difference is not None:
+            raise InputError(f"holds another collection ({difference}); choose another folder with --out", file=out)
+        if manifest["points"] > self.config.points:
+            raise InputError(
+                f"holds a collection of {manifest['points']} points, which can be extended but not made smaller; "
+                "choose another folder with --out",
+                file=out,
+            )
+
+    def _read_logs(self, warn: Callable[[str], None]) -> dict[int, Log]:
+        """What there is already. What is damaged is left out, and said."""
+        folder, logs = self.config.out / dataset.SHARDS, {}
+        if not (self.config.out / dataset.MANIFEST).exists():
+            self._write_manifest(finished=False)
+        folder.mkdir(exist_ok=True)
+        for path in sorted(folder.iterdir()):
+            number = path.stem.removeprefix("episode-")
+            if not number.isdecimal() or path != dataset.shard(self.config.out, int(number)):
+                raise InputError("is not a file of a collection; take it away", file=path)
+            try:
+                logs[int(number)] = dataset.read_log(self.config.out, self._digest, int(number))
+            except InputError as error:
+                warn(f"{error}; it is collected again")
+        return logs
+
+    def _write_manifest(self, finished: bool, statistics: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        manifest = {
+            "format": dataset.FORMAT,
+            "command": self.config.command,
+            "collection": self._what,
+            "points": self.config.points,
+            "finished": finished,
+            "cameras": self._cameras,
+            "atoms": [str(atom) for atom in self.domain.task.atoms],
+            "statistics": statistics,
+        }
+        text = json.dumps(manifest, indent=2) + "\n"
+        dataset.write_atomically(self.config.out / dataset.MANIFEST, text.encode())
+        return manifest
+
+
+class Player:
+    """Plays the episodes of a collection; made anew in each process.
+
+    Args:
+        digest: what the files belong to.
+    """
+
+    def __init__(self, config: CollectConfig, digest: str, cameras: Sequence[str]) -> None:
+        domain = load_domain(config.domain, config.problem)
+        self._collector = Collector(
+            domain, config.seed, config.home_pose, config.grasp_noise, config.slips, config.per_episode
+        )
+        self._digest, self._cameras = digest, cameras
+
+    def __call__(self, task: Task, tell: Tell) -> Played:
+        log, points = self._collector.play(*task, tell)
+        atoms = self._collector.domain.task.atoms
+        return Played(log, dataset.shard_bytes(self._digest, log, points, atoms, self._cameras))
+
+
+# Inside.
+
+
+def _described(config: CollectConfig, domain: Domain) -> dict[str, Any]:
+    """Everything that decides what the points are, but how many."""
+    return {
+        "domain": domain.name,
+        "problem": domain.task.problem,
+        "files": domain.fingerprint(),
+        "seed": config.seed,
+        "home_pose": config.home_pose,
+        "grasp_noise": config.grasp_noise,
+        "slips": config.slips,
+        "points_per_episode": config.per_episode,
+        "failures_in_a_row": MOST_FAILURES,
+        "jpeg_quality": dataset.JPEG_QUALITY,
+        "versions": {name: version_of(name) for name in DECIDING},
+    }
+
+
+def version_of(name: str) -> str:
+    """The version of an installed package."""
+    from executive import __version__
+
+    try:
+        return __version__ if name == "executive" else version(name)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str | None:
+    """The first thing in which two descriptions differ, in words."""
+    for key, value in here.items():
+        other = there.get(key)
+        if value == other:
+            continue
+        if isinstance(value, Mapping) and isinstance(other, Mapping):
+            return _difference(other, value)
+        if key == "files":
+            return "the domain's files were others"
+        return f"{key.replace('_', ' ')} is {other} there and {value} here"
+    return None

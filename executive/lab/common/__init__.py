@@ -1,0 +1,1 @@
+"""What experiments share: progress bars, folder locks, figures and HTML pages."""

@@ -1,0 +1,133 @@
+"""An evaluation on disk: what it came to in `evaluation.json`, and every answer in `answers.npz`."""
+
+from __future__ import annotations
+
+import glob
+import io
+import json
+import os
+import shutil
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from executive.errors import InputError
+from executive.lab.collection.dataset import write_atomically
+from executive.lab.common.folder_lock import LOCK, lock, sweep
+from executive.lab.evaluation.evaluate import EvalConfig, Evaluation, command_of
+from executive.lab.evaluation.metrics import Answers, never_true, scores
+from executive.types import Atom
+from executive.util.files import check_writable, parse_arrays, read_bytes, read_json
+
+RESULTS, ANSWERS, KEPT = "evaluation.json", "answers.npz", ".looks.jsonl"
+_LARGEST = 1_000_000_000
+
+
+def document(evaluation: Evaluation) -> dict[str, Any]:
+    """Everything that an evaluation came to, as JSON: all of it, each predicate, each atom, and apart the looks after
+    which the state is what the action's effects say (`expected`) and those after which it is not (`surprising`)."""
+    answers, surprising = evaluation.answers, evaluation.surprising
+    parts = {"expected": answers.where(~surprising), "surprising": answers.where(surprising)}
+    return {
+        "name": evaluation.name,
+        "looks": answers.looks,
+        **scores(answers).document(),
+        "seconds_per_look": round(evaluation.seconds_per_look, 4),
+        "never_true": [str(atom) for atom in never_true(answers)],
+        "about": dict(evaluation.about),
+        "looks_by_action": {name: {"looks": part.looks, **scores(part).document()} for name, part in parts.items()},
+        "predicates": {name: scores(answers.of(name)).document() for name in answers.predicates},
+        "atoms": {str(atom): scores(answers.of(atom)).document() for atom in answers.atoms},
+    }
+
+
+def save(folder: Path, evaluation: Evaluation) -> dict[str, Any]:
+    """Write both files, and return the document."""
+    made = document(evaluation)
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        atoms=np.array([str(atom) for atom in evaluation.answers.atoms]),
+        probability=evaluation.answers.probability,
+        truth=evaluation.answers.truth,
+        looks=np.array(evaluation.looks, dtype=np.int64).reshape(-1, 2),
+        surprising=evaluation.surprising,
+        seconds=evaluation.seconds,
+    )
+    write_atomically(folder / ANSWERS, buffer.getvalue())
+    write_atomically(folder / RESULTS, (json.dumps(made, indent=2) + "\n").encode())
+    return made
+
+
+def load(folder: Path) -> Evaluation:
+    """What `save` wrote.
+
+    Raises:
+        InputError: the folder holds no evaluation, or a damaged one.
+    """
+    if not os.path.isfile(folder / RESULTS):
+        raise InputError(f"holds no evaluation: it has no {RESULTS}", file=folder)
+    told = read_json(folder / RESULTS)
+    if not (isinstance(told, dict) and isinstance(told.get("name"), str) and isinstance(told.get("about"), dict)):
+        raise InputError("is not what Executive wrote: it says no name, or nothing about it", file=folder / RESULTS)
+    try:
+        kept = parse_arrays(read_bytes(folder / ANSWERS, largest=_LARGEST))
+        atoms = tuple(Atom.parse(str(atom)) for atom in kept["atoms"])
+        answers = Answers(atoms, _array(kept, "probability", "f", 2), _array(kept, "truth", "b", 2))
+        looks = tuple((int(episode), int(step)) for episode, step in _array(kept, "looks", "i", 2))
+        surprising, seconds = _array(kept, "surprising", "b", 1), _array(kept, "seconds", "f", 1)
+        if {len(looks), len(surprising), len(seconds)} != {answers.looks}:
+            raise ValueError("its arrays are not of the same looks")
+    except (ValueError, LookupError, TypeError) as error:
+        raise InputError(f"is damaged ({error})", file=folder / ANSWERS) from None
+    return Evaluation(told["name"], told["about"], answers, looks, surprising, seconds)
+
+
+def _array(kept: Mapping[str, npt.NDArray[Any]], name: str, kind: str, dimensions: int) -> Any:
+    array = kept[name]
+    if array.dtype.kind != kind or array.ndim != dimensions:
+        raise ValueError(f"{name} is {array.dtype} {array.shape}")
+    return array
+
+
+def default_folder(config: EvalConfig) -> Path:
+    """Where an evaluation goes that is not told where: where the same was left unfinished, or a new folder."""
+    wanted = replace(config, looks=None).command
+    names = f"*-{glob.escape(Path(config.domain).name)}-{glob.escape(config.data.resolve().name)}"
+    for folder in sorted(Path("evaluations").glob(names), reverse=True):
+        if not (folder / RESULTS).exists() and command_of(folder / KEPT) == wanted:
+            return folder
+    parts = (time.strftime("%Y%m%d-%H%M%S"), Path(config.domain).name, config.data.resolve().name)
+    return Path("evaluations") / "-".join(parts)
+
+
+@contextmanager
+def claimed(folder: Path, command: str) -> Iterator[Path]:
+    """Make the folder that an evaluation is to be written to, hold it, and take it away again if nothing comes to be in
+    it. A former evaluation in it will be written over.
+
+    Raises:
+        InputError: it holds something else, another process works in it, or it cannot be made.
+    """
+    new = not os.path.exists(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / RESULTS).is_file() and any(not each.name.startswith(".") for each in folder.iterdir()):
+            raise InputError("holds something else than an evaluation; choose another folder", file=folder, key="--out")
+    except OSError as error:
+        raise InputError(f"cannot be made ({error.strerror})", file=folder, key="--out") from None
+    check_writable(folder, "--out")
+    held = lock(folder, "evaluating", command)
+    try:
+        sweep(folder)
+        yield folder
+    finally:
+        if new and all(each.name == LOCK for each in folder.iterdir()):
+            shutil.rmtree(folder, ignore_errors=True)
+        held.release()

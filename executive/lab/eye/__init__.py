@@ -1,5 +1,0 @@
-"""Growing an eye: a small vision-language model for one simulated domain, from nothing (`executive train`)."""
-
-from executive.native import keep_triton_apart
-
-keep_triton_apart()  # these modules import torch as they are imported

@@ -1,0 +1,183 @@
+"""Pictures of sampled moments on disk, with what each pixel shows: what the eye learns to see from.
+
+A shard is four arrays of the same length N: `pictures` (N, C, S, S, 3) uint8, `items` (N, C, M, M) uint8 (which item a
+pixel shows, from 1; 0 for none), `facts` (N, A) bool, and `kinds` (N,). They are kept as they are, not compressed, so
+that training reads from disk without decoding anything and holds no picture in memory.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from executive.domain.loader import Domain, load_domain
+from executive.errors import InputError
+from executive.lab.common.process_pool import Tell
+from executive.lab.training.scene_sampler import Moment, Sampler
+from executive.sim import scene
+from executive.sim.relighting import Lights, Relighting, Shift
+from executive.sim.rendering import make_renderer
+from executive.types import FloatArray
+
+MASK = 48
+"""Pixels of the masks' side."""
+
+_PLAIN = 0.35
+"""The share of moments that is drawn as runs are: own lights, own cameras, own colours."""
+
+
+class Shard(NamedTuple):
+    """One shard's arrays, mapped from disk."""
+
+    pictures: np.ndarray[Any, np.dtype[np.uint8]]
+    items: np.ndarray[Any, np.dtype[np.uint8]]
+    facts: np.ndarray[Any, np.dtype[np.bool_]]
+
+
+class Photographer:
+    """Draws moments as training pictures: `side` pixels square, made smaller as the model's processor does it."""
+
+    def __init__(self, domain: Domain, seed: Sequence[int], side: int, cameras: Sequence[str] | None = None) -> None:
+        self._sampler = Sampler(domain, [*seed, 0])
+        self._rng = np.random.default_rng(np.random.SeedSequence([*seed, 1]))
+        world = self._sampler.world
+        self._studio = Relighting(world.model, world.spec)
+        self.cameras = [camera for camera in world.spec.cameras if cameras is None or camera.name in cameras]
+        self._side = side
+        self._small = make_renderer(world.model, MASK, MASK)
+        self._small.enable_segmentation_rendering()
+        items = sorted(world.shapes)
+        roots = {world.model.body(item).id: index + 1 for index, item in enumerate(items)}
+        owner = [roots.get(int(world.model.body_rootid[body]), 0) for body in world.model.geom_bodyid]
+        self._owner = np.array([*owner, 0], dtype=np.uint8)  # the last one is for what is no geom
+        self._atoms = domain.task.atoms
+
+    def shard(self, count: int, tell: Tell = lambda done: None) -> dict[str, np.ndarray[Any, Any]]:
+        """The next `count` moments. `tell` is told which share of them there is, at each."""
+        moments: list[Moment] = []
+        while len(moments) < count:
+            moments += self._sampler.draw()
+        moments = moments[:count]
+        drawn = []
+        for number, moment in enumerate(moments, start=1):
+            drawn.append(self._draw(moment.qpos))
+            tell(number / count)
+        return {
+            "pictures": np.stack([pictures for pictures, _ in drawn]),
+            "items": np.stack([items for _, items in drawn]),
+            "facts": np.array([[moment.facts[atom] for atom in self._atoms] for moment in moments]),
+            "kinds": np.array([moment.kind for moment in moments]),
+        }
+
+    def close(self) -> None:
+        self._small.close()
+        self._studio.close()
+        self._sampler.close()
+
+    def _draw(self, qpos: FloatArray) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+        from PIL import Image
+
+        rng, varied = self._rng, self._rng.random() >= _PLAIN
+        lights = Lights.drawn(rng) if varied and rng.random() < 0.8 else None
+        shifts = {camera.name: Shift.drawn(rng, 0.045, 0.08) for camera in self.cameras} if varied else {}
+        pictures, items = [], []
+        paint = _paint(self._studio.model, rng) if varied and rng.random() < 0.6 else _nothing()
+        with paint, self._studio.set_up(qpos, lights, shifts):
+            for camera in self.cameras:
+                whole = self._studio.drawing.picture(self._studio.data, camera)
+                size = (self._side, self._side)
+                pictures.append(np.asarray(Image.fromarray(whole).resize(size, Image.Resampling.BILINEAR)))
+                self._small.update_scene(self._studio.data, camera.name, _visible())
+                shown = self._small.render()
+                geoms = np.where(shown[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, shown[..., 0], -1)
+                items.append(self._owner[geoms])
+        return np.stack(pictures), np.stack(items)
+
+
+def write_shard(folder: Path, number: int, arrays: Mapping[str, np.ndarray[Any, Any]]) -> None:
+    """Write a shard, whole or not at all."""
+    passing, final = folder / f".shard-{number:04d}.{os.getpid()}", shard_folder(folder, number)
+    passing.mkdir(parents=True)
+    try:
+        for name, array in arrays.items():
+            np.save(passing / f"{name}.npy", array)
+        try:
+            passing.rename(final)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):  # someone else has drawn the very same meanwhile
+                raise
+    finally:
+        shutil.rmtree(passing, ignore_errors=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """Draws shards by their numbers and writes them into `folder`: what a process that draws is given.
+
+    Raises:
+        InputError: the folder cannot be written to.
+    """
+
+    domain: str
+    problem: str | None
+    seed: int
+    side: int
+    count: int
+    folder: Path
+
+    def __call__(self, number: int, tell: Tell) -> None:
+        photographer = Photographer(load_domain(self.domain, self.problem), [self.seed, number], self.side)
+        try:
+            write_shard(self.folder, number, photographer.shard(self.count, tell))
+        except OSError as error:
+            raise InputError(f"cannot be written to ({error.strerror})", file=self.folder) from None
+        finally:
+            photographer.close()
+
+
+def read_shard(folder: Path, number: int) -> Shard:
+    parts = (np.load(shard_folder(folder, number) / f"{name}.npy", mmap_mode="r") for name in Shard._fields)
+    return Shard(*parts)
+
+
+def shards(folder: Path) -> list[int]:
+    """The numbers of the shards that are there."""
+    return sorted(int(path.name.removeprefix("shard-")) for path in folder.glob("shard-*"))
+
+
+def shard_folder(folder: Path, number: int) -> Path:
+    return folder / f"shard-{number:04d}"
+
+
+def _visible() -> mujoco.MjvOption:
+    options = mujoco.MjvOption()
+    options.geomgroup[:] = 0
+    options.geomgroup[scene.VISUAL] = options.geomgroup[scene.ITEM] = 1
+    return options
+
+
+@contextmanager
+def _paint(model: mujoco.MjModel, rng: np.random.Generator) -> Iterator[None]:
+    """Other shades of everything for a while: each material and each geom a little lighter, darker or tinted."""
+    before = model.mat_rgba.copy(), model.geom_rgba.copy()
+    try:
+        for colours in (model.mat_rgba, model.geom_rgba):
+            shade = rng.uniform(0.8, 1.15, (len(colours), 1)) * rng.uniform(0.93, 1.07, (len(colours), 3))
+            colours[:, :3] = np.clip(colours[:, :3] * shade + rng.uniform(0.0, 0.03), 0.0, 1.0)
+        yield
+    finally:
+        model.mat_rgba[:], model.geom_rgba[:] = before
+
+
+@contextmanager
+def _nothing() -> Iterator[None]:
+    yield

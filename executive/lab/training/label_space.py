@@ -1,0 +1,63 @@
+"""What an eye is to see: the items of a task, and what can be true of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from executive.domain.loader import Domain
+from executive.s3e.questions.templates import plain
+from executive.sim.spec import read_scene
+from executive.types import Atom
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """A task's atoms from the point of view of its items.
+
+    `items` are the objects that can move, sorted. A facet is an item with an atom that names it: `facets` holds them
+    all as (index of the item, index of the atom), so that an atom about two items is a facet of both.
+    """
+
+    items: tuple[str, ...]
+    atoms: tuple[Atom, ...]
+    facets: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of(cls, domain: Domain) -> Subject:
+        task = domain.task
+        spec = read_scene(domain.scene).restricted_to(task.objects, domain.scene)
+        items = tuple(sorted(item.name for item in spec.items))
+        facets = tuple(
+            (number, index)
+            for number, item in enumerate(items)
+            for index, atom in enumerate(task.atoms)
+            if item in atom.args
+        )
+        return cls(items, task.atoms, facets)
+
+    @property
+    def facet_items(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        return np.array([item for item, _ in self.facets])
+
+    @property
+    def facet_atoms(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        return np.array([atom for _, atom in self.facets])
+
+    def of_item(self, item: int) -> list[int]:
+        """The numbers of an item's facets."""
+        return [number for number, (owner, _) in enumerate(self.facets) if owner == item]
+
+    def said(self, facet: int) -> str:
+        """A facet in a word or two: what else the atom names, or else the last word of its predicate."""
+        item, index = self.facets[facet]
+        atom = self.atoms[index]
+        others = [plain(name) for name in atom.args if name != self.items[item]]
+        return " ".join(others) or plain(atom.predicate).split()[-1]
+
+
+def fits(atoms: Sequence[str], subject: Subject) -> bool:
+    """Whether data that is labelled with these atoms, in this order, is about this subject."""
+    return list(atoms) == [str(atom) for atom in subject.atoms]

@@ -1,0 +1,244 @@
+"""Questions for training, many about each scene, laid end to end in one row with a mask that keeps them apart.
+
+This is the layout in which a look asks (`executive.s3e.backends.prefix_cache`): what the scene is made of comes first
+and is seen by all, each question sees it and itself, and counts its positions as if it were alone.
+
+Three kinds are asked. Yes or no, in many wordings, is what the eye is for. An open question ("where is the lemon?",
+answered by one word) and a probe (at an item's name inside a question, what is true of the item is to be read off an
+inner layer) are there because yes/no answers alone teach a language model next to nothing for a long time: what it
+has to find first is that a name is to be looked up among the pictures' tokens.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from executive.lab.training import tokenizer as words
+from executive.lab.training.label_space import Subject
+from executive.lab.training.wordings import Wordings
+
+if TYPE_CHECKING:
+    import torch
+
+NOTHING = "nothing"
+"""The answer to an open question about an item of which nothing is true."""
+
+_OPEN = (
+    "where is the {}?",
+    "what is true of the {}?",
+    "what is the {} on or in?",
+    "where do you see the {}?",
+    "tell me where the {} is",
+)
+
+_BESIDES = 0.04
+"""The chance that words are put before or behind a question that have nothing to do with it."""
+
+_CHATTER = ("please", "tell me", "quick question", "answer yes or no", "thanks", "look closely", "hello", "now", "well")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Questions about B scenes as tensors. The row of a scene is its P tokens, then T tokens of text.
+
+    `ids` (B, T); `positions` (B, P + T); `mask` (B, 1, P + T, P + T) bool, true where a token may look; `last` (N,)
+    are flat indices into (B * (P + T)) of the places where answers are read, `answers` (N,) the token each should be,
+    `yes_no` (N,) bool. `probed` (M,) flat indices of item names, `facets` (M, F) the facets to be read there, and
+    `known` (M, F) what is true of them, in which -1 is padding.
+    """
+
+    ids: torch.Tensor
+    positions: torch.Tensor
+    mask: torch.Tensor
+    last: torch.Tensor
+    answers: torch.Tensor
+    yes_no: torch.Tensor
+    probed: torch.Tensor
+    facets: torch.Tensor
+    known: torch.Tensor
+
+    def to(self, device: torch.device) -> Asked:
+        """The same on another device."""
+        return Asked(*(getattr(self, part.name).to(device) for part in fields(self)))
+
+
+class Asker:
+    """Draws questions and lays them out.
+
+    Args:
+        systems: system prompts to put between pictures and questions, with how often; "" is none.
+    """
+
+    def __init__(
+        self,
+        subject: Subject,
+        wordings: Wordings,
+        tokenizer: Any,
+        systems: Sequence[tuple[str, float]],
+        untranslated: str,
+        seed: int,
+    ) -> None:
+        self._subject, self._wordings, self._tokenizer = subject, wordings, tokenizer
+        self._rng = random.Random(seed)
+        self._systems = [[self._id(words.SYSTEM), *self._ids(text)] if text else [] for text, _ in systems]
+        self._shares = [share for _, share in systems]
+        self._untranslated = [self._id(words.SYSTEM), *self._ids(untranslated)]
+        self._user, self._assistant = self._id(words.USER), self._id(words.ASSISTANT)
+        self.yes, self.no = self._id("yes"), self._id("no")
+        self._true, self._false = self._id("true"), self._id("false")
+        self.affirmative = (self.yes, self._true)
+        self._open = [self._first(subject.said(facet)) for facet in range(len(subject.facets))]
+        self._nothing = self._first(NOTHING)
+        named = {atom for _, atom in subject.facets}
+        self._apart = [index for index in range(len(subject.atoms)) if index not in named]
+        self._facets = [subject.of_item(item) for item in range(len(subject.items))]
+
+    def begin(self, seed: int) -> None:
+        """Draw from here on as this seed has it."""
+        self._rng = random.Random(seed)
+
+    @staticmethod
+    def corpus(subject: Subject) -> list[str]:
+        """What is said here beyond the wordings, for the tokenizer to know."""
+        named = [subject.said(facet) for facet in range(len(subject.facets))]
+        return [*_OPEN, *_CHATTER, NOTHING, *named]
+
+    def ask(self, facts: np.ndarray[Any, np.dtype[np.bool_]], scene: int, count: int, open_share: float) -> Asked:
+        """Ask `count` questions about each of B scenes, `facts` (B, A) being true of them and `scene` the number of
+        tokens that each begins with."""
+        rng = self._rng
+        raw = rng.random() < 0.06
+        system = rng.choices(self._systems, self._shares)[0]
+        if raw:
+            system = self._untranslated if rng.random() < 0.3 else []
+        rows = [[self._question(row, open_share, raw) for _ in range(count)] for row in facts]
+        return self._laid_out(rows, scene, system)
+
+    def official(self, facts: np.ndarray[Any, np.dtype[np.bool_]], scene: int, system: int = -1) -> Asked:
+        """Every atom of each scene once, in the words that runs ask in."""
+        rows = []
+        for row in facts:
+            questions = []
+            for index, atom in enumerate(self._subject.atoms):
+                text = self._ids(self._wordings.official[atom])
+                questions.append(_Question(text, self.yes if row[index] else self.no, True, None, []))
+            rows.append(questions)
+        return self._laid_out(rows, scene, self._systems[system])
+
+    # Inside.
+
+    def _question(self, facts: np.ndarray[Any, np.dtype[np.bool_]], open_share: float, raw: bool) -> _Question:
+        rng, subject = self._rng, self._subject
+        if raw:
+            index = rng.randrange(len(subject.atoms))
+            answer = self._true if facts[index] else self._false
+            return _Question(self._ids(str(subject.atoms[index])), answer, True, None, [])
+        if rng.random() < open_share:
+            item = rng.randrange(len(subject.items))
+            true = [facet for facet in self._facets[item] if facts[subject.facets[facet][1]]]
+            answer = self._open[rng.choice(true)] if true else self._nothing
+            name = rng.choice(self._wordings.names[subject.items[item]])
+            return self._probed(rng.choice(_OPEN).format(name), name, item, answer, False, facts)
+        index = self._atom(facts)
+        atom = subject.atoms[index]
+        text, names = self._wordings.draw(atom, rng)
+        answer = self.yes if facts[index] else self.no
+        if rng.random() < _BESIDES:
+            extra = rng.choice(_CHATTER)
+            text = f"{extra}, {text}" if rng.random() < 0.5 else f"{text} {extra}"
+        for name, item_name in zip(names, atom.args, strict=True):
+            if item_name in subject.items:
+                return self._probed(text, name, subject.items.index(item_name), answer, True, facts)
+        return _Question(self._ids(text), answer, True, None, [])
+
+    def _atom(self, facts: np.ndarray[Any, np.dtype[np.bool_]]) -> int:
+        """Any atom; true ones, and those that name no item, more often than they are found by chance. The latter are
+        few, and nothing but their own answers teaches what they hang on."""
+        if self._apart and self._rng.random() < 0.15:
+            return self._rng.choice(self._apart)
+        if self._rng.random() < 0.25:
+            true = np.flatnonzero(facts)
+            if len(true):
+                return int(true[self._rng.randrange(len(true))])
+        return self._rng.randrange(len(facts))
+
+    def _probed(
+        self, text: str, name: str, item: int, answer: int, yes_no: bool, facts: np.ndarray[Any, np.dtype[np.bool_]]
+    ) -> _Question:
+        tokens, named = self._ids(text), self._ids(name)
+        ends = [
+            begin + len(named) for begin in range(len(tokens) - len(named) + 1)
+            if tokens[begin : begin + len(named)] == named
+        ]  # fmt: skip
+        known = [int(facts[self._subject.facets[facet][1]]) for facet in self._facets[item]]
+        return _Question(tokens, answer, yes_no, (ends[-1], item) if ends else None, known)
+
+    def _laid_out(self, rows: Sequence[Sequence[_Question]], scene: int, system: Sequence[int]) -> Asked:
+        import torch
+
+        start = scene + len(system)
+        length = len(system) + max(sum(len(question.tokens) + 2 for question in row) for row in rows)
+        total, count = scene + length, len(rows)
+        ids, positions = np.zeros((count, length), np.int64), np.zeros((count, total), np.int64)
+        segment = np.full((count, total), -1)
+        ids[:, : len(system)], positions[:, :start], segment[:, :start] = system, np.arange(start), 0
+        last, answers, yes_no, probed, facets, known = [], [], [], [], [], []
+        widest = max(len(own) for own in self._facets)
+        for number, row in enumerate(rows):
+            at = len(system)
+            for order, question in enumerate(row):
+                tokens = [self._user, *question.tokens, self._assistant]
+                here = scene + at
+                ids[number, at : at + len(tokens)] = tokens
+                positions[number, here : here + len(tokens)] = start + np.arange(len(tokens))
+                segment[number, here : here + len(tokens)] = order + 1
+                last.append(number * total + here + len(tokens) - 1)
+                answers.append(question.answer)
+                yes_no.append(question.yes_no)
+                if question.probe is not None:
+                    end, item = question.probe
+                    own = self._facets[item]
+                    missing = widest - len(own)
+                    probed.append(number * total + here + end)
+                    facets.append([*own, *([0] * missing)])
+                    known.append([*question.known, *([-1] * missing)])
+                at += len(tokens)
+        same = (segment[:, :, None] == segment[:, None, :]) | (segment[:, None, :] == 0)
+        mask = np.tril(np.ones((total, total), bool)) & same | np.eye(total, dtype=bool)
+        return Asked(
+            torch.from_numpy(ids),
+            torch.from_numpy(positions),
+            torch.from_numpy(mask[:, None]),
+            torch.tensor(last),
+            torch.tensor(answers),
+            torch.tensor(yes_no),
+            torch.tensor(probed, dtype=torch.long),
+            torch.tensor(facets, dtype=torch.long).reshape(-1, widest),
+            torch.tensor(known, dtype=torch.float32).reshape(-1, widest),
+        )
+
+    def _ids(self, text: str) -> list[int]:
+        return list(self._tokenizer(text, add_special_tokens=False)["input_ids"])
+
+    def _id(self, token: str) -> int:
+        return int(self._tokenizer.convert_tokens_to_ids(token))
+
+    def _first(self, text: str) -> int:
+        return self._ids(text)[0]
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """A question's tokens and answer; where it names an item, where that ends (counted from the token before the
+    question) and which it is, and what is true of each of its facets."""
+
+    tokens: list[int]
+    answer: int
+    yes_no: bool
+    probe: tuple[int, int] | None
+    known: list[int]

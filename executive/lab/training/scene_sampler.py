@@ -1,0 +1,261 @@
+"""Moments to learn from, made directly: items put anywhere, the arm anywhere, the hand empty or around something.
+
+Episodes show what usually happens, and hardly ever what an eye has to tell apart: an item just above a table and one
+on it, fingers around something and fingers that hold it, an item on the floor. Here such moments are as frequent as
+any others. They are physical all the same: items come to rest, fingers close until they are stopped, and what is true
+is read from the contacts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from executive.domain.loader import Domain
+from executive.sim import placement, scene
+from executive.sim.truth import Truth
+from executive.sim.world import MujocoWorld
+from executive.skills import grasps, transforms
+from executive.skills.ik import Kinematics
+from executive.types import Atom, Facts, FloatArray
+
+VARIANTS = 4
+"""Moments of the arm and the hand for each way in which the items lie."""
+
+_FLOOR = 0.06
+_TIPPED = 0.18
+"""The chance that an item lies on the floor, or was let fall onto a table in any orientation."""
+
+_KINDS = ("at home", "holding at home", "above", "holding above", "closing", "letting go", "anywhere")
+_SHARES = (0.24, 0.22, 0.13, 0.17, 0.08, 0.06, 0.10)
+
+_PERIOD = 0.008
+_TOUCH = 0.004
+"""How deep in m the arm may be in something, where it was put and did not come by itself."""
+
+
+class Moment(NamedTuple):
+    """Where everything is, (nq,), the truth of every atom of the task, and what kind of moment it was meant to be."""
+
+    qpos: FloatArray
+    facts: Facts
+    kind: str
+
+
+class Sampler:
+    """Draws moments of a domain's scene. Call `close` at the end.
+
+    Args:
+        seed: fixes all moments.
+    """
+
+    def __init__(self, domain: Domain, seed: Sequence[int]) -> None:
+        self._rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
+        self.world = MujocoWorld(domain.scene, domain.task.objects, seed=int(self._rng.integers(2**31)))
+        self._truth, self._atoms = Truth(self.world, domain.relations, domain.task.parameters), domain.task.atoms
+        self._kinematics = Kinematics(self.world.handle)
+        self._model, self._data = self.world.model, self.world.data
+        names = [*scene.JOINTS]
+        self._arm = np.array([self._model.joint(name).qposadr[0] for name in names])
+        self._fingers = np.array([self._model.joint(name).qposadr[0] for name in scene.FINGER_JOINTS])
+        self._signs = np.array([-1.0 if "inner_finger" in name else 1.0 for name in scene.FINGER_JOINTS])
+        self._free = {item: self._model.joint(f"{item}/free") for item in self.world.shapes}
+        self._home = self.world.handle.limits.home
+
+    def close(self) -> None:
+        self.world.close()
+
+    def draw(self) -> list[Moment]:
+        """One way for the items to lie, and up to `VARIANTS` moments with it."""
+        self._arrange()
+        state = self.world.snapshot()
+        moments = []
+        for kind in self._rng.choice(_KINDS, VARIANTS, p=_SHARES):
+            for _ in range(4):
+                self.world.restore(state)
+                if self._pose(str(kind)):
+                    moments.append(Moment(self._data.qpos.copy(), self._truth.of(self._atoms), str(kind)))
+                    break
+        return moments
+
+    def atoms(self) -> tuple[Atom, ...]:
+        return self._atoms
+
+    # How the items lie.
+
+    def _arrange(self) -> None:
+        """Put all items somewhere, the arm at home, and let them come to rest."""
+        mujoco.mj_resetData(self._model, self._data)
+        self._set_arm(self._home)
+        self._set_fingers(0.0)
+        placed: dict[str, FloatArray] = {}
+        gap = float(self._rng.choice([0.0, 0.02, 0.06]))
+        favourite = int(self._rng.integers(len(self.world.spec.tables))) if self._rng.random() < 0.3 else None
+        for item in self._rng.permutation(sorted(self.world.shapes)):
+            placed[item] = self._spot(str(item), placed, gap, favourite)
+            self._put(str(item), placed[item])
+        self._pass_time(0.5)
+
+    def _spot(self, item: str, others: dict[str, FloatArray], gap: float, favourite: int | None) -> FloatArray:
+        rng, shape, tables = self._rng, self.world.shapes[item], self.world.spec.tables
+        tipped, radius = rng.random() < _TIPPED, placement.circle(shape)
+        if rng.random() < _FLOOR:
+            return self._on_floor(item)
+        if tipped:
+            radius = float(np.linalg.norm(shape.half))
+        for _ in range(60):
+            table = tables[
+                favourite if favourite is not None and rng.random() < 0.7 else int(rng.integers(len(tables)))
+            ]
+            spot = placement.random_point(table, 0.6 * radius + 0.005, rng)
+            if spot is None:
+                continue
+            if all(
+                np.hypot(*(pose[:2] - spot)) >= radius + placement.circle(self.world.shapes[other]) + gap
+                for other, pose in others.items()
+            ):
+                pose = placement.upright(shape, spot, table, float(rng.uniform(-np.pi, np.pi)))
+                if tipped:
+                    pose[3:] = _any_orientation(rng)
+                    pose[2] = table.centre[2] + float(np.linalg.norm(shape.half)) + 0.005
+                return pose
+        return self._on_floor(item)
+
+    def _on_floor(self, item: str) -> FloatArray:
+        rng, half = self._rng, self.world.shapes[item].half
+        position = [rng.uniform(0.1, 1.0), rng.uniform(-0.9, 0.9), float(np.linalg.norm(half)) + 0.01]
+        return np.array([*position, *_any_orientation(rng)])
+
+    # What the arm does.
+
+    def _pose(self, kind: str) -> bool:
+        """Bring arm and hand into a moment of a kind; False where this draw did not work out."""
+        rng = self._rng
+        if kind == "at home":
+            return self._stand(self._home, float(rng.choice([0.0, rng.uniform(0.0, 0.8)], p=[0.85, 0.15])))
+        if kind == "anywhere":
+            q = self._home + rng.normal(0.0, [0.9, 0.3, 0.4, 0.4, 0.3, 1.0])
+            return self._stand(q, float(rng.choice([0.0, rng.uniform(0.0, 0.8)], p=[0.7, 0.3])))
+        item = str(rng.choice(sorted(self.world.shapes)))
+        grasp = self._grasp(item)
+        if grasp is None:
+            return False
+        if kind == "above":
+            rise = float(rng.choice([0.0, rng.uniform(0.0, 0.25)], p=[0.2, 0.8]))
+            over = self._reach(transforms.translated(grasp, np.array([0.0, 0.0, rise])))
+            return over is not None and self._stand(over, 0.0)
+        if kind == "closing":
+            around = self._reach(grasp)
+            return around is not None and self._stand(around, 1.0, seconds=float(rng.uniform(0.02, 0.25)), ready=0.0)
+        inside = transforms.inverse(grasp) @ transforms.matrix(self._item_pose(item))
+        if kind == "holding at home":
+            return self._hold(item, inside, self._home)
+        there = self._reach(self._elsewhere(item, inside))
+        if there is None or not self._hold(item, inside, there):
+            return False
+        if kind == "letting go":
+            self.world.command_gripper(0.0)
+            self._pass_time(float(rng.uniform(0.02, 0.5)))
+        return True
+
+    def _grasp(self, item: str) -> FloatArray | None:
+        """A way to take hold of an item where it is, a little off its mark."""
+        shape, pose = self.world.shapes[item], transforms.matrix(self._item_pose(item))
+        height = min((table.centre[2] for table in self.world.spec.tables), key=lambda z: abs(z - pose[2, 3]))
+        found = grasps.candidates(pose, shape, height if pose[2, 3] > height - 0.05 else 0.0)
+        if not found:
+            return None
+        grasp = found[int(self._rng.integers(min(24, len(found))))].copy()
+        along, approach = grasp[:3, 1], grasp[:3, 2]
+        grasp[:3, 3] += self._rng.normal(0.0, 0.008) * along + self._rng.normal(0.0, 0.004) * approach
+        return grasp
+
+    def _elsewhere(self, item: str, inside: FloatArray) -> FloatArray:
+        """A pose of the grip point with which what it holds is over a table, close above it or carried along."""
+        rng, tables = self._rng, self.world.spec.tables
+        table = tables[int(rng.integers(len(tables)))]
+        shape, now = self.world.shapes[item], transforms.matrix(self._item_pose(item))
+        turned = transforms.matrix(np.array([0, 0, 0, *_yaw(float(rng.uniform(-np.pi, np.pi)))])) @ now
+        spot = placement.random_point(table, 0.06, rng)
+        x, y = spot if spot is not None else table.centre[:2]
+        low = shape.reach(turned[:3, :3].T @ np.array([0.0, 0.0, 1.0]))
+        rise = float(rng.choice([rng.uniform(0.0, 0.02), rng.uniform(0.02, 0.3)], p=[0.35, 0.65]))
+        turned[:3, 3] = np.array([x, y, table.centre[2] + low + rise]) - turned[:3, :3] @ shape.centre
+        return np.asarray(turned @ transforms.inverse(inside))
+
+    def _reach(self, target: FloatArray) -> FloatArray | None:
+        for seed in self._kinematics.seeds(target, self._home):
+            q = self._kinematics.solve(target, seed)
+            if q is not None:
+                return q
+        return None
+
+    def _stand(self, q: FloatArray, closed: float, seconds: float = 0.12, ready: float | None = None) -> bool:
+        """Put the arm at `q` with the fingers driven to `closed`, beginning with them there or at `ready`."""
+        self._set_arm(q)
+        self._set_fingers(closed if ready is None else ready)
+        self.world.command_gripper(closed)
+        mujoco.mj_forward(self._model, self._data)
+        if self._deep():
+            return False
+        self._pass_time(seconds)
+        return True
+
+    def _hold(self, item: str, inside: FloatArray, q: FloatArray) -> bool:
+        """Have the hand close around an item that is kept in place until the fingers press on it."""
+        self._set_arm(q)
+        self._put(item, transforms.pose(self._kinematics.forward(q) @ inside))
+        half = self.world.shapes[item].half
+        width = 2 * self.world.shapes[item].reach(inside[:3, :3].T @ np.array([1.0, 0.0, 0.0]))
+        self._set_fingers(scene.FINGER_CLOSED * max(0.0, 1.0 - min(width, 2 * float(half.max())) / 0.085) - 0.06)
+        self.world.command_gripper(1.0)
+        mujoco.mj_forward(self._model, self._data)
+        if self._deep():
+            return False
+        pose = self._item_pose(item)
+        for _ in range(round(0.2 / _PERIOD)):
+            self.world.advance()
+            self._put(item, pose)
+        mujoco.mj_forward(self._model, self._data)
+        self._pass_time(float(self._rng.choice([0.05, 0.25])))
+        return True
+
+    # Inside.
+
+    def _deep(self) -> bool:
+        """Whether something is where something else is already."""
+        return any(contact.dist < -_TOUCH for contact in self._data.contact[: self._data.ncon])
+
+    def _item_pose(self, item: str) -> FloatArray:
+        start = self._free[item].qposadr[0]
+        return np.array(self._data.qpos[start : start + 7])
+
+    def _put(self, item: str, pose: FloatArray) -> None:
+        start, speed = self._free[item].qposadr[0], self._free[item].dofadr[0]
+        self._data.qpos[start : start + 7] = pose
+        self._data.qvel[speed : speed + 6] = 0.0
+
+    def _set_arm(self, q: FloatArray) -> None:
+        self._data.qpos[self._arm] = q
+        self._data.qvel[:] = 0.0
+        self.world.command(q, np.zeros(6))
+
+    def _set_fingers(self, angle: float) -> None:
+        self._data.qpos[self._fingers] = self._signs * float(np.clip(angle, 0.0, scene.FINGER_CLOSED))
+        self.world.command_gripper(angle / scene.FINGER_CLOSED)
+
+    def _pass_time(self, seconds: float) -> None:
+        for _ in range(max(1, round(seconds / _PERIOD))):
+            self.world.advance()
+
+
+def _any_orientation(rng: np.random.Generator) -> FloatArray:
+    quaternion = rng.normal(size=4)
+    return np.asarray(quaternion / np.linalg.norm(quaternion))
+
+
+def _yaw(angle: float) -> tuple[float, float, float, float]:
+    return float(np.cos(angle / 2)), 0.0, 0.0, float(np.sin(angle / 2))

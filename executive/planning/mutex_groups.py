@@ -1,0 +1,352 @@
+"""Mutex groups from Fast Downward's translator, which runs as a process of its own (it is GPL-3) and writes a file.
+
+The translator proves which sets of atoms no action can bring from at most one true atom to two, and keeps those of
+which exactly one is true in the initial state. Two things follow. The initial state has to be a legal one: a set that a
+noisy estimate overfills would be dropped without a word. And it has to be complete, while a problem file may leave open
+where things are, for the robot to see. So the state is completed first: the translator is asked which invariants the
+actions have, whatever the state; where the declared state fills one with no atom, an atom is chosen that fills it and
+overfills no other, the one that lets most actions become possible. What invariants do not speak of may be true as well
+as false, and is true where an action needs it.
+
+"Exactly one" is believed where no action breaks it (the translator says so: its variable has no value for "none of
+them") and no accident does either. Anything can fall to where no atom speaks of it, the floor. A group survives that
+if, whichever thing is lost, there is a member that does not mention the thing, and an action that leads there from each
+that does: the gripper is empty once what it held is gone, but an item can be in no place at all.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import logging
+import math
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from executive.belief.mutex_inference import Group
+from executive.domain.pddl import Condition, Equality, Forall, Schema
+from executive.errors import MissingError
+from executive.types import Atom
+
+TRANSLATOR = "fast_downward.translate"
+_INVARIANTS = f"{TRANSLATOR}.invariant_finder"
+_OPTIONS = ("--full-encoding", "--keep-unimportant-variables", "--sas-file", "task.sas")
+"""Every group becomes a variable with all of its atoms, whether the goal needs it or not."""
+
+_PART = re.compile(r"(\w+)\(\(([-\d, ]*)\)\)")
+"""What the translator prints of an invariant: each predicate with the invariant's parameters, -1 for what is counted,
+such as {p0((0, -1)) [omitted_pos = 1], p1((0,)) [omitted_pos = None]}."""
+
+MOST_MOVES = 20_000
+"""With more grounded actions than this, the initial state is completed without a look at what it makes possible."""
+
+log = logging.getLogger(__name__)
+
+
+class Mutexes(NamedTuple):
+    """The mutex groups of a task, sorted, and the legal state (its true atoms) that they were found from, in which
+    exactly one atom of each is true."""
+
+    groups: tuple[Group, ...]
+    state: frozenset[Atom]
+
+
+def find_mutexes(schema: Schema, *, timeout: float = 30.0) -> Mutexes:
+    """The mutex groups of a task.
+
+    Where the translator does not finish within `timeout` seconds (wall time) or fails, there are none, and a warning is
+    logged: without groups there is no consistency, but nothing is wrong either.
+
+    Raises:
+        MissingError: the translator is not installed.
+    """
+    try:
+        found = importlib.util.find_spec(TRANSLATOR)
+    except ModuleNotFoundError:
+        found = None
+    if found is None:
+        raise MissingError("Fast Downward's translator is not installed", command="pip install up-fast-downward")
+    names, deadline = _Names(schema), time.monotonic() + timeout
+    declared = frozenset(schema.task.declared)
+    try:
+        said = _run(_INVARIANTS, (), names, declared, deadline)
+        state = _Completion(schema, _instances(said, names), deadline).complete()
+        sas = _run(TRANSLATOR, _OPTIONS, names, state, deadline)
+        return Mutexes(tuple(sorted(_read(sas, names), key=lambda group: group.atoms)), state)
+    except _TranslatorError as failure:
+        problem = str(failure)
+    except (LookupError, RuntimeError, ValueError) as error:
+        problem = f"Fast Downward's translator wrote what cannot be read ({error!r})"
+    log.warning("%s; answers are not made consistent", problem)
+    return Mutexes((), declared)
+
+
+class _TranslatorError(Exception):
+    """The translator gave no answer, and why."""
+
+
+def _in_time(deadline: float) -> None:
+    """
+    Raises:
+        _TranslatorError: it is later.
+    """
+    if time.monotonic() > deadline:
+        raise _TranslatorError("Fast Downward's translator did not finish in time")
+
+
+def _run(module: str, options: Sequence[str], names: _Names, state: Iterable[Atom], deadline: float) -> str:
+    """Have one of the translator's programs look at the task from some state: the file that it writes, or else what it
+    prints.
+
+    Raises:
+        _TranslatorError: it ends with an error, or not in time.
+    """
+    with tempfile.TemporaryDirectory(prefix="executive-mutex-") as name:
+        folder = Path(name)
+        (folder / "domain.pddl").write_text(names.domain(), encoding="utf-8")
+        (folder / "problem.pddl").write_text(names.problem(state), encoding="utf-8")
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", module, *options, "domain.pddl", "problem.pddl"],
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=max(0.01, deadline - time.monotonic()),
+            )
+            if done.returncode:
+                said = (done.stderr.strip() or done.stdout.strip() or f"exit code {done.returncode}").splitlines()
+                raise _TranslatorError(f"Fast Downward's translator failed ({said[-1]})")
+            return (folder / "task.sas").read_text(encoding="utf-8") if options else done.stdout
+        except subprocess.TimeoutExpired:
+            raise _TranslatorError("Fast Downward's translator did not finish in time") from None
+        except OSError as error:
+            raise _TranslatorError(f"Fast Downward's translator cannot be run ({error.strerror})") from None
+
+
+def _instances(said: str, names: _Names) -> list[frozenset[Atom]]:
+    """The sets of atoms that the printed invariants are about, for all objects."""
+    found: dict[tuple[int, tuple[str, ...]], set[Atom]] = {}
+    invariants = (line for line in said.splitlines() if line.startswith("{"))
+    for number, line in enumerate(dict.fromkeys(invariants)):
+        for name, terms in _PART.findall(line):
+            where = [int(term) for term in terms.split(",") if term.strip()]
+            for atom in names.atoms(name):
+                fixed = sorted((index, arg) for index, arg in zip(where, atom.args, strict=True) if index >= 0)
+                found.setdefault((number, tuple(arg for _, arg in fixed)), set()).add(atom)
+    return [frozenset(found[key]) for key in sorted(found)]
+
+
+class _Completion:
+    """Makes the declared initial state a complete one. `sets` are those of which exactly one atom should be true."""
+
+    def __init__(self, schema: Schema, sets: Sequence[frozenset[Atom]], deadline: float) -> None:
+        self._deadline = deadline
+        self._state = set(schema.task.declared)
+        # What the declared state overfills is no invariant of this task.
+        self._sets = [atoms for atoms in sets if len(atoms & self._state) <= 1]
+        self._of: dict[Atom, list[frozenset[Atom]]] = {}
+        for atoms in self._sets:
+            for atom in atoms:
+                self._of.setdefault(atom, []).append(atoms)
+        self._moves = _moves(schema, deadline)
+        self._waiting: dict[Atom, list[_Move]] = {}
+        for move in self._moves:
+            for atom in move.needs:
+                self._waiting.setdefault(atom, []).append(move)
+        self._possible: set[Atom] = set()
+        unconditional = (move.gives for move in self._moves if not move.needs)
+        self._possible = self._opened(self._state.union(*unconditional))
+
+    def complete(self) -> frozenset[Atom]:
+        for atoms in self._sets:
+            _in_time(self._deadline)
+            if not atoms & self._state:
+                self._add(atom for atom in sorted(atoms) if not any(other & self._state for other in self._of[atom]))
+        free = {atom for move in self._moves for atom in move.changes} - self._of.keys()
+        for move in self._moves:
+            _in_time(self._deadline)
+            for atom in sorted(move.needs & free):
+                if atom not in self._possible:
+                    self._add([atom])
+        return frozenset(self._state)
+
+    def _add(self, options: Iterable[Atom]) -> None:
+        """Make one of the atoms true, if there are any: the first of those that open up most."""
+        opened = {atom: self._opened([atom]) for atom in options}
+        if opened:
+            atom = max(opened, key=lambda option: len(opened[option]))
+            self._state.add(atom)
+            self._possible |= opened[atom]
+
+    def _opened(self, atoms: Iterable[Atom]) -> set[Atom]:
+        """What becomes possible once `atoms` are true: they, and the effects of actions whose conditions are then all
+        possible, as if nothing were ever deleted or had to be false."""
+        opened: set[Atom] = set()
+        frontier = list(atoms)
+        while frontier:
+            atom = frontier.pop()
+            if atom not in opened and atom not in self._possible:
+                opened.add(atom)
+                for move in self._waiting.get(atom, ()):
+                    if all(each in opened or each in self._possible for each in move.needs):
+                        frontier.extend(move.gives)
+        return opened
+
+
+class _Move(NamedTuple):
+    """A grounded action: the atoms that it needs to be true, that it makes true, and that it changes."""
+
+    needs: frozenset[Atom]
+    gives: frozenset[Atom]
+    changes: frozenset[Atom]
+
+
+def _moves(schema: Schema, deadline: float) -> list[_Move]:
+    """Every grounded action of a task; none where they are too many to be worth their time."""
+    sizes = (math.prod(len(schema.typing.members(kind)) for _, kind in a.parameters) for a in schema.actions.values())
+    if sum(sizes) > MOST_MOVES:
+        return []
+    found = []
+    for name, action in schema.actions.items():
+        for args in schema.typing.tuples([kind for _, kind in action.parameters]):
+            _in_time(deadline)
+            with contextlib.suppress(ValueError):  # this one contradicts itself
+                step = schema.ground(name, args)
+                found.append(_Move(step.preconditions.true, step.effects.true, frozenset(step.effects)))
+    return found
+
+
+class _Names:
+    """The task in PDDL under names that hit no word of PDDL's own, whatever it calls things. The goal is a flag that an
+    action of no conditions sets, so that it can be reached from any state."""
+
+    def __init__(self, schema: Schema) -> None:
+        self._schema = schema
+        self._objects = {name: f"o{number}" for number, name in enumerate(schema.typing.objects)}
+        self._types = {name: f"t{number}" for number, name in enumerate(schema.typing.supertypes)}
+        self._predicates = {name: f"p{number}" for number, name in enumerate(schema.predicates)}
+        self._object_of = {new: name for name, new in self._objects.items()}
+        self._predicate_of = {new: name for name, new in self._predicates.items()}
+
+    def atoms(self, name: str) -> Iterator[Atom]:
+        """The atoms of the predicate that is called `p1`; none of the flag, nor of what is static."""
+        return (atom for atom in self._schema.task.atoms if self._predicates[atom.predicate] == name)
+
+    def read(self, text: str) -> Atom | None:
+        """The atom that the translator calls `Atom p1(o2, o3)`; None for the flag."""
+        head, _, tail = text.removeprefix("Atom ").removesuffix(")").partition("(")
+        if head not in self._predicate_of:
+            return None
+        return Atom(self._predicate_of[head], tuple(self._object_of[name] for name in tail.split(", ") if name))
+
+    def domain(self) -> str:
+        schema, kinds = self._schema, self._types
+        above = schema.typing.supertypes.items()
+        types = [f"{kinds[name]} - {'object' if parent is None else kinds[parent]}" for name, parent in above]
+        objects = [f"{self._objects[name]} - {kinds[kind]}" for name, kind in schema.typing.objects.items()]
+        predicates = []
+        for name, signature in schema.predicates.items():
+            terms = " ".join(f"?v{index} - {kinds[kind]}" for index, kind in enumerate(signature))
+            predicates.append(f"({self._predicates[name]} {terms})")
+        actions = ["(:action finish :parameters () :precondition () :effect (done))"]
+        for number, action in enumerate(schema.actions.values()):
+            scope = {variable: f"?v{index}" for index, (variable, _) in enumerate(action.parameters)}
+            parameters = " ".join(f"{scope[variable]} - {kinds[kind]}" for variable, kind in action.parameters)
+            # What is quantified is written out where it is a condition: the translator would make axioms of it. Where
+            # it is an effect, it stays as it is: groups are found by looking at effects before they are grounded.
+            conditions = [self._text(each, scope) for each in schema.typing.expand(action.preconditions, {})]
+            effects = [self._text(each, scope) for each in action.effects]
+            actions.append(
+                f"(:action a{number} :parameters ({parameters})"
+                f" :precondition (and {' '.join(conditions)}) :effect (and {' '.join(effects)}))"
+            )
+        lines = [
+            "(define (domain task)",
+            "(:requirements :adl :typing :equality)",
+            f"(:types {' '.join(types)})",
+            f"(:constants {' '.join(objects)})",
+            f"(:predicates (done) {' '.join(predicates)})",
+            *actions,
+            ")",
+        ]
+        return "\n".join(lines)
+
+    def problem(self, true: Iterable[Atom]) -> str:
+        atoms = [
+            f"({' '.join((self._predicates[atom.predicate], *(self._objects[name] for name in atom.args)))})"
+            for atom in sorted(self._schema.task.static.union(true))
+        ]
+        return f"(define (problem task) (:domain task) (:init {' '.join(atoms)}) (:goal (done)))"
+
+    def _text(self, condition: Condition, scope: Mapping[str, str]) -> str:
+        if isinstance(condition, Forall):
+            inner = dict(scope)
+            for variable, _ in condition.variables:
+                inner[variable] = f"?v{len(scope) + len(inner)}"
+            terms = " ".join(f"{inner[variable]} - {self._types[kind]}" for variable, kind in condition.variables)
+            return f"(forall ({terms}) (and {' '.join(self._text(each, inner) for each in condition.body)}))"
+        if isinstance(condition, Equality):
+            words: tuple[str, ...] = ("=", self._term(condition.left, scope), self._term(condition.right, scope))
+        else:
+            words = (self._predicates[condition.predicate], *(self._term(term, scope) for term in condition.terms))
+        text = f"({' '.join(words)})"
+        return text if condition.positive else f"(not {text})"
+
+    def _term(self, term: str, scope: Mapping[str, str]) -> str:
+        return scope[term] if term.startswith("?") else self._objects[term]
+
+
+@dataclass(frozen=True, slots=True)
+class _Variable:
+    """A variable of the translator's file: its values (None where none of the atoms is true), and from which value to
+    which its operators lead."""
+
+    values: tuple[Atom | None, ...]
+    moves: frozenset[tuple[int, int]]
+
+    @property
+    def exact(self) -> bool:
+        """Whether neither an action nor an accident leaves none of the atoms true."""
+        things = {thing for atom in self.values if atom is not None for thing in atom.args}
+        return None not in self.values and all(
+            any((number, to) in self.moves for to in self._without(thing))
+            for thing in things
+            for number, atom in enumerate(self.values)
+            if atom is not None and thing in atom.args
+        )
+
+    def _without(self, thing: str) -> Iterator[int]:
+        return (number for number, atom in enumerate(self.values) if atom is not None and thing not in atom.args)
+
+
+def _read(sas: str, names: _Names) -> Iterator[Group]:
+    """The groups in a file of the translator (its format 3)."""
+    lines = iter(sas.splitlines())
+    values: list[tuple[Atom | None, ...]] = []
+    moves: dict[int, set[tuple[int, int]]] = {}
+    for line in lines:
+        if line == "begin_variable":
+            _name, _layer, size = (next(lines) for _ in range(3))
+            texts = [next(lines) for _ in range(int(size))]
+            values.append(tuple(names.read(text) if text.startswith("Atom ") else None for text in texts))
+        elif line == "begin_operator":
+            next(lines)
+            for _ in range(int(next(lines))):  # what has to hold and stays
+                next(lines)
+            for _ in range(int(next(lines))):
+                variable, before, after = map(int, next(lines).split()[-3:])
+                moves.setdefault(variable, set()).add((before, after))
+    for number, atoms in enumerate(values):
+        variable_ = _Variable(atoms, frozenset(moves.get(number, ())))
+        members = tuple(atom for atom in atoms if atom is not None)
+        if len(members) > 1:
+            yield Group(members, variable_.exact)

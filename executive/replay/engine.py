@@ -1,0 +1,290 @@
+"""A run's decisions once more, from its record: no model looks, no simulator moves, no planner searches.
+
+The loop itself is run again. What it was told then, it is told again in the same order: looks, answers of the planner,
+what became of each action. With the settings of then, it decides what it decided then. With others it may want
+something that the record does not hold: a look where there was none, another action, a plan from another state. There
+the two part, and nobody can know how it would have gone on.
+
+What the record can tell is used. Looks at the same moment (between two actions) are there to be taken, and need not all
+be. A plan that was found from a state that is now believed to be another one is taken if it would work from there too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, NoReturn
+
+import numpy as np
+
+from executive.app.resume import remembered
+from executive.belief import Monitor
+from executive.core.attention import Attention
+from executive.core.compare import regress
+from executive.core.loop import Executive
+from executive.core.observer import Observer
+from executive.core.policy import exhausted
+from executive.core.run_state import RunState
+from executive.errors import ExecutiveError
+from executive.protocols import SkillContext
+from executive.replay.record import Decided, Deed, Look, Part, Record
+from executive.types import (
+    Atom,
+    Belief,
+    Decision,
+    Event,
+    Facts,
+    LookKind,
+    NoPlan,
+    Observation,
+    Plan,
+    Probed,
+    Resumed,
+    Scenery,
+    SkillResult,
+    Step,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What is decided from a record. `end` says why it goes no further, nothing when it came to an end of its own;
+    `parted`: because the record does not hold what it wants next. `asked` are the states and goals that the planner was
+    asked about, by the number of its answer among the record's parts."""
+
+    decisions: tuple[Decided, ...]
+    end: str = ""
+    parted: bool = False
+    asked: Mapping[int, tuple[Facts, Facts]] = field(default_factory=lambda: MappingProxyType({}))
+
+
+def replay(record: Record, monitor: Monitor, before: Replay | None = None) -> Replay:
+    """Decide once more, with what `monitor` makes of the recorded looks.
+
+    Args:
+        before: the replay with the recorded monitor, where this is another one. Whether the planner was asked from the
+            same state is known from it.
+    """
+    reel, seen = _Reel(record, before.asked if before else None), _Decisions()
+    try:
+        _Replayed(record, monitor, reel, seen).run()
+    except _RecordEndsError as end:
+        return Replay(tuple(seen.decisions), str(end), end.parted, MappingProxyType(reel.asked))
+    return Replay(tuple(seen.decisions), asked=MappingProxyType(reel.asked))
+
+
+# Inside.
+
+
+class _RecordEndsError(ExecutiveError):
+    """The record does not hold what is wanted next; `parted`: since something else was done then."""
+
+    def __init__(self, message: str, parted: bool) -> None:
+        self.parted = parted
+        super().__init__(message)
+
+
+class _Reel:
+    """The record's parts, taken in order. `known` are the states and goals of then, where they are known."""
+
+    def __init__(self, record: Record, known: Mapping[int, tuple[Facts, Facts]] | None) -> None:
+        self._record, self._parts, self._known, self._at = record, record.parts, known, 0
+        self.asked: dict[int, tuple[Facts, Facts]] = {}
+
+    def look(self, cause: str) -> Look:
+        for number, part in self._here():
+            if isinstance(part, Look):
+                self._at = number + 1
+                return part
+        self._end(f"it looks again ({cause})")
+
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
+        for number, part in self._here():
+            if isinstance(part, Plan | NoPlan | Probed):
+                self._check(number, part, state, goal, avoid)
+                self._at, self.asked[number] = number + 1, (state, goal)
+                return part if not isinstance(part, Probed) else part.plan or part.no_plan or _never()
+        self._end(f"it plans anew, for {_listed(goal.literals())}")
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all of it was taken."""
+        return self._at == len(self._parts)
+
+    def deed(self, step: Step) -> SkillResult:
+        for number, part in enumerate(self._parts[self._at :], start=self._at):
+            if isinstance(part, Deed):
+                if part.order.step != step:
+                    self._end(f"its next action is {step}")
+                if part.result is None:
+                    raise _RecordEndsError(self._record.cut, parted=False)
+                self._at = number + 1
+                return part.result
+        self._end(f"it carries out {step}")
+
+    def _here(self) -> Iterator[tuple[int, Part]]:
+        """The parts that are left of this moment, which ends with the next action."""
+        for number, part in enumerate(self._parts[self._at :], start=self._at):
+            if isinstance(part, Deed):
+                return
+            yield number, part
+
+    def _check(
+        self, number: int, answer: Plan | NoPlan | Probed, state: Facts, goal: Facts, avoid: frozenset[Step]
+    ) -> None:
+        """Whether the planner would say so of this state and goal, too, if it is to avoid those steps."""
+        if isinstance(answer, Probed) and answer.goal != goal:
+            self._end(f"it asks for a plan for {_listed(goal.literals())}")
+        said = (answer.plan or answer.no_plan) if isinstance(answer, Probed) else answer
+        without = tuple(sorted(map(str, avoid)))
+        if said is None or said.without != without:
+            self._end(f"it asks for a plan without {_listed(without)}" if avoid else "it asks for a plan with any step")
+        if self._known is None or self._known.get(number) == (state, goal):
+            return
+        plan = answer.plan if isinstance(answer, Probed) else answer
+        needed = regress(plan.steps, goal) if isinstance(plan, Plan) else None
+        if needed is None or not state.entails(needed):
+            there = self._known.get(number, (Facts(), goal))[0]
+            other = [literal for literal in state.literals() if literal not in there.literals()]
+            self._end(f"it plans from another state ({_listed(other)})")
+
+    def _end(self, wanted: str) -> NoReturn:
+        following = next((part for part in self._parts[self._at :] if isinstance(part, Deed)), None)
+        if following is None and self._record.cut:
+            raise _RecordEndsError(self._record.cut, parted=False)
+        if following is None:
+            raise _RecordEndsError(f"{wanted}, where the run came to its end", parted=True)
+        order = following.order
+        raise _RecordEndsError(f"{wanted}, where action {order.action} of the run was {order.step}", parted=True)
+
+
+class _World:
+    """A world that stands still; nobody looks at it."""
+
+    time = 0.0
+    handle = None
+
+    def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
+        raise NotImplementedError
+
+    def snapshot(self) -> bytes:
+        raise NotImplementedError
+
+    def restore(self, snapshot: bytes) -> None:
+        raise NotImplementedError
+
+    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
+        raise NotImplementedError
+
+    def schedule(self, delay: float, action: Any) -> None:
+        raise NotImplementedError
+
+    def scenery(self) -> Scenery:
+        return Scenery()
+
+    def watch(self, listener: Any) -> None:
+        """Nothing moves."""
+
+
+class _Eye:
+    """The estimator's name; what it answered is taken from the record by `_Recorded`."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        raise NotImplementedError
+
+
+class _Recorded(Observer):
+    """Takes the looks that were taken then."""
+
+    def __init__(self, reel: _Reel, *parts: Any) -> None:
+        super().__init__(*parts)
+        self._reel = reel
+
+    def _look(self, run_state: RunState, cause: str, groups: object, kind: LookKind) -> RunState:
+        return self._weighed(run_state, *self._reel.look(cause))
+
+
+class _Skills(dict[str, Any]):
+    """For every action, whatever became of it then."""
+
+    def __init__(self, reel: _Reel) -> None:
+        super().__init__()
+        self._reel = reel
+
+    def __missing__(self, action: str) -> Any:
+        return self._carried_out
+
+    def _carried_out(self, step: Step, context: SkillContext) -> SkillResult:
+        return self._reel.deed(step)
+
+
+class _Decisions:
+    """The sink that keeps decisions."""
+
+    def __init__(self) -> None:
+        self.decisions: list[Decided] = []
+
+    def write(self, event: Event) -> None:
+        if isinstance(event.payload, Decision):
+            self.decisions.append(Decided(event.cycle, event.payload))
+
+    def close(self) -> None:
+        pass
+
+
+class _Replayed(Executive):
+    """The loop, with everything around it taken from a record."""
+
+    def __init__(self, record: Record, monitor: Monitor, reel: _Reel, sink: _Decisions) -> None:
+        started, world = record.started, _World()
+        eye = None if started.is_blind else _Eye(started.estimator)
+        super().__init__(
+            started.task,
+            reel,
+            world,
+            _Skills(reel),
+            eye,
+            [sink],
+            record.settings,
+            initial=record.told,
+            domain=started.domain,
+            run=started.run,
+            monitor=monitor,
+            run_state=None if record.since is None else _gone_on(record, record.since, monitor),
+        )
+        self._record, self._reel, self._made = record, reel, sink.decisions
+        if eye is not None:
+            self._observer = _Recorded(reel, eye, world, monitor, Attention(), {}, self._session, record.settings)
+
+    @property
+    def seconds(self) -> float:
+        """No time goes by in a replay. It is up where it was up then: after all that the record tells."""
+        decisions = self._record.decisions
+        out_of_time = exhausted(self.settings, seconds=math.inf)
+        at_the_end = self._reel.is_over and len(self._made) == len(decisions) - 1
+        if at_the_end and out_of_time and decisions[-1].decision.reason == out_of_time.reason:
+            return math.inf
+        return 0.0
+
+
+def _gone_on(record: Record, since: Resumed, monitor: Monitor) -> RunState:
+    """How the run stood when another process went on with it."""
+    task, blind = record.started.task, record.started.is_blind
+    memory = None if blind else remembered(record.before, monitor)
+    return RunState(task, task.goal, record.told if blind else Facts(), memory).resumed(since)
+
+
+def _listed(literals: Sequence[str], most: int = 3) -> str:
+    shown = ", ".join(literals[:most])
+    return f"{shown} and {len(literals) - most} more" if len(literals) > most else shown
+
+
+def _never() -> NoReturn:
+    raise AssertionError("Probed has an answer")

@@ -1,0 +1,183 @@
+"""A process that holds vision-language models for others, so that a GPU holds each once: see
+`executive.s3e.backends.shared_client`."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import secrets
+import shutil
+import socket
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from multiprocessing.connection import Connection, Listener
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from executive.errors import ExecutiveError
+from executive.s3e.backends.interface import Backend, Look
+from executive.s3e.backends.shared_client import Address, Ask, Count, Free, Open, Take
+from executive.s3e.backends.transformers_backend import TransformersBackend
+from executive.util.processes import deaf, settle
+from executive.util.threads import shared_by
+
+_LONGEST = 60
+"""Characters of the folder for temporary files: a socket's whole path has to be shorter than 104 (macOS)."""
+
+log = logging.getLogger(__name__)
+
+
+class ModelHost:
+    """A process that opens models as they are asked for and keeps them until it is ended. A context manager; on the way
+    out the process is ended, and nothing of it is left. It ends with this process, too, however that ends.
+
+    Args:
+        load: what opens a model by its folder or hub id. Importable there by its name.
+
+    Attributes:
+        address: where it is, for `executive.s3e.backends.shared_client.SharedBackend` in any process of this machine.
+    """
+
+    address: Address
+
+    def __init__(self, load: Callable[[str], Backend] = TransformersBackend) -> None:
+        self._load = load
+        self._process: SpawnProcess | None = None
+
+    def __enter__(self) -> ModelHost:
+        # A folder that nobody else may enter.
+        short = len(tempfile.gettempdir()) <= _LONGEST
+        self._folder = tempfile.mkdtemp(prefix="executive-model-", dir=None if short else "/tmp")
+        self.address = Address(str(Path(self._folder) / "model"), secrets.token_bytes(32))
+        try:
+            self.revive()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    @property
+    def pid(self) -> int | None:
+        """The process's number."""
+        return None if self._process is None else self._process.pid
+
+    def revive(self) -> None:
+        """Start the process again, at the same address, if it has died; what it kept is lost. Else do nothing.
+
+        Raises:
+            ExecutiveError: it does not start.
+        """
+        if self._listens():
+            return
+        self._end()
+        Path(self.address.path).unlink(missing_ok=True)
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe(duplex=False)
+        with deaf(), shared_by(1, alone=True), ours:
+            self._process = context.Process(target=_hold, args=(self.address, self._load, theirs), daemon=True)
+            self._process.start()
+            theirs.close()
+            try:
+                ours.recv()
+            except EOFError:
+                raise ExecutiveError("the process that is to hold the model did not start") from None
+
+    def _listens(self) -> bool:
+        """Whether the process takes clients. One that was killed counts as alive for a moment after its clients have
+        been told."""
+        with socket.socket(socket.AF_UNIX) as knock:
+            knock.setblocking(False)
+            try:
+                knock.connect(self.address.path)
+            except BlockingIOError:  # others are waiting, too
+                return True
+            except OSError:
+                return False
+        return True
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+
+
+class _Visitor:
+    """A client, and what is kept for it. One is the same as no other."""
+
+    def __init__(self) -> None:
+        self.looks: dict[int, Look] = {}
+
+
+class _Holder:
+    """The models, and who has looks at them. Whatever is done with a model is done on one thread, first come, first
+    served: nothing of one look happens in the middle of another."""
+
+    def __init__(self, load: Callable[[str], Backend]) -> None:
+        self._load = load
+        self._models: dict[str, Backend] = {}
+        self._visitors: set[_Visitor] = set()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="model")
+
+    def serve(self, connection: Connection) -> None:
+        """Answer a client until it is gone, and free what it leaves behind."""
+        visitor = _Visitor()
+        self._visitors.add(visitor)
+        try:
+            with connection, suppress(EOFError, OSError):
+                while True:
+                    message = connection.recv()
+                    if isinstance(message, Free):
+                        visitor.looks.pop(message.look, None)
+                    else:
+                        connection.send(self._reply(visitor, message))
+        finally:
+            self._visitors.remove(visitor)
+
+    def _reply(self, visitor: _Visitor, message: object) -> tuple[bool, object]:
+        """Whether it went well; and what came of it, or why not."""
+        if isinstance(message, Count):
+            return True, sum(len(each.looks) for each in list(self._visitors))
+        try:
+            return True, self._thread.submit(self._do, visitor, message).result()
+        except ExecutiveError as error:
+            return False, error
+        except Exception as error:  # of no kind that all processes know
+            log.debug("it was asked for %s", type(message).__name__, exc_info=True)
+            return False, RuntimeError(f"{type(error).__name__}: {error}")
+
+    def _do(self, visitor: _Visitor, message: object) -> Any:
+        match message:
+            case Open(model):
+                return self._opened(model).name
+            case Take(number, model, images, system, words):
+                visitor.looks[number] = self._opened(model).look(images, system, words)
+            case Ask(number, questions):
+                return visitor.looks[number].ask(questions)
+        return None
+
+    def _opened(self, model: str) -> Backend:
+        if model not in self._models:
+            self._models[model] = self._load(model)
+        return self._models[model]
+
+
+def _hold(address: Address, load: Callable[[str], Backend], ready: Connection) -> None:
+    """What the process does."""
+    settle(partial(shutil.rmtree, Path(address.path).parent, ignore_errors=True))
+    holder = _Holder(load)
+    with Listener(address.path, "AF_UNIX", backlog=64, authkey=address.key) as listener:
+        with ready:
+            ready.send(None)
+        while True:
+            # Who knocks may be gone before the key was shown, or have another one.
+            with suppress(OSError, EOFError, multiprocessing.AuthenticationError):
+                Thread(target=holder.serve, args=(listener.accept(),), daemon=True).start()

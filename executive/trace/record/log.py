@@ -1,0 +1,261 @@
+"""The durable record of a run: `events.jsonl`, one line an event, and the pictures beside it.
+
+A line is `{"v": 1, "type": "Belief", "cycle": 3, "time": 12.3, "wall": 4.5, "data": {...}}`: format version, payload
+type, the event's stamps, the payload's fields. A line is written in one piece and handed to the operating system
+before the next event is looked at, so that killing the process (even with SIGKILL) loses no event that was reported;
+lines that a decision hangs on also survive a power cut. A last line without its newline was cut off by a kill and is
+not part of the record.
+
+What only pleases the eye (`Scenery`, `Frame`) is not recorded here, and of a motion at most `MOTION_POINTS` points.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from executive.errors import InputError, nearest
+from executive.trace.record.codec import RECORDED, JsonValue, decode, encode
+from executive.trace.record.pictures import read_picture, to_jpeg
+from executive.types import Decision, Ended, Event, Image, Motion, Observation, OutcomeKind, Resumed, Started
+from executive.util.files import parse_json, reason
+
+FORMAT = 1
+EVENTS_FILE = "events.jsonl"
+IMAGES_FOLDER = "images"
+MOTION_POINTS = 64
+_ROOM, _LAST_EVENTS = ".room", 1 << 18
+"""The file that keeps room, and its bytes."""
+_DECISIVE = (Started, Resumed, Decision, Ended)
+_AGES = 1e9
+"""Seconds: thirty years."""
+_STAMPS = {"cycle": int, "time": float, "wall": float}
+
+
+class EventLog:
+    """A sink that writes a run's events into its folder, which it makes when it is missing.
+
+    Opened on a folder that has a record already, it goes on at its end, after cutting off a half-written last line. A
+    record has one writer at a time. Room is kept for the last events of a run whose disk is full: they are recorded
+    without their pictures.
+
+    Args:
+        failed: is told, once, why events can no longer be recorded as they should be.
+
+    Raises:
+        InputError: the folder cannot be written to, or another process writes this record.
+    """
+
+    def __init__(self, run: Path | str, failed: Callable[[str], None] | None = None) -> None:
+        self._run, self._failed, self._complained = Path(run), failed, False
+        path = self._run / EVENTS_FILE
+        try:
+            (self._run / IMAGES_FOLDER).mkdir(parents=True, exist_ok=True)
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror})", file=path) from None
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # gone with the process, however that ends
+        except BlockingIOError:
+            os.close(self._file)
+            raise InputError("another process is at work on this run", file=self._run) from None
+        self._size = _whole(self._file)
+        os.ftruncate(self._file, self._size)
+        self._closed = False
+        try:
+            self._keep_room()
+        except OSError as error:
+            self.close()
+            raise InputError(f"cannot be written ({error.strerror})", file=path) from None
+
+    def write(self, event: Event) -> None:
+        """Append one event; a picture is on disk before the line that names it.
+
+        Raises:
+            OSError: the disk is full or gone; what was recorded before stays readable.
+        """
+        if type(event.payload).__name__ not in RECORDED:
+            return
+        try:
+            self._record(event)
+        except OSError as error:
+            if not self._complained and self._failed is not None:
+                self._failed(f"the record cannot be written: {error.strerror or error}")
+            self._complained = True
+            (self._run / _ROOM).unlink(missing_ok=True)
+            self._record(event)
+
+    def close(self) -> None:
+        if not self._closed:
+            self._closed = True
+            with contextlib.suppress(OSError):
+                (self._run / _ROOM).unlink(missing_ok=True)
+            os.close(self._file)
+
+    def _record(self, event: Event) -> None:
+        payload = event.payload
+        if isinstance(payload, Motion):
+            data = encode(_thinned(payload))
+        elif isinstance(payload, Observation):
+            shown = {} if self._complained else payload.images
+            names = {camera: self._save(payload.id, camera, image) for camera, image in shown.items()}
+            data = encode(replace(payload, images={})) | {"images": names}
+        else:
+            data = encode(payload)
+        stamps = {stamp: encode(getattr(event, stamp)) for stamp in _STAMPS}
+        record = {"v": FORMAT, "type": type(payload).__name__, **stamps, "data": data}
+        self._append(json.dumps(record, allow_nan=False) + "\n")
+        if isinstance(payload, _DECISIVE):
+            os.fdatasync(self._file)
+
+    def _keep_room(self) -> None:
+        """Take up what the last events need, to have it when nothing else is left."""
+        file = os.open(self._run / _ROOM, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            os.posix_fallocate(file, 0, _LAST_EVENTS)
+        finally:
+            os.close(file)
+
+    def _append(self, line: str) -> None:
+        data = line.encode()
+        try:
+            written = os.write(self._file, data)
+            while written < len(data):  # there is no room for more, and only the next try says why
+                more = os.write(self._file, data[written:])
+                if not more:
+                    raise OSError(errno.ENOSPC, f"only {written} of {len(data)} bytes of an event could be written")
+                written += more
+        except OSError:
+            os.ftruncate(self._file, self._size)  # half a line would make the next one unreadable, too
+            raise
+        self._size += len(data)
+
+    def _save(self, observation: int, camera: str, image: Image) -> str:
+        name = picture_name(observation, camera)
+        (self._run / name).write_bytes(to_jpeg(image))
+        return name
+
+
+def picture_name(observation: int, camera: str) -> str:
+    """Where in a run's folder a camera's picture of an observation lies."""
+    return f"{IMAGES_FOLDER}/{observation:04d}-{quote(camera, safe='')}.jpg"
+
+
+def read_events(run: Path | str, images: bool = True) -> Iterator[Event]:
+    """The events of a run, in the order in which they happened.
+
+    Args:
+        run: a run's folder, or its `events.jsonl`.
+        images: also read the pictures of each look; without them, an observation has none.
+
+    Raises:
+        InputError: no such file, or a line that is not an event of this format; file and line are named.
+    """
+    path = Path(run)
+    path = path / EVENTS_FILE if os.path.isdir(path) else path
+    try:
+        file = path.open("rb")
+    except (OSError, ValueError) as error:
+        raise InputError(f"no record of a run ({reason(error)})", file=path) from None
+    is_blind = False
+    with file:
+        for number, line in enumerate(file, start=1):
+            if not line.endswith(b"\n"):
+                return
+            try:
+                event = _event(line, path.parent, images)
+            except ValueError as error:
+                raise InputError(str(error), file=path, key=f"line {number}") from None
+            if isinstance(event.payload, Started):
+                is_blind = event.payload.is_blind
+            yield _renamed(event) if is_blind else event
+
+
+def _event(line: bytes, folder: Path, images: bool) -> Event:
+    record = _record(line)
+    kind = RECORDED.get(str(record.get("type")))
+    if kind is None:
+        raise ValueError(f"unknown event type {record.get('type')!r}; {nearest(str(record.get('type')), RECORDED)}")
+    data = record.get("data")
+    pictures: Mapping[str, Image] = {}
+    if kind is Observation and isinstance(data, dict):
+        if images:
+            pictures = _pictures(data.get("images", {}), folder)
+        data = {**data, "images": {}}
+    payload = decode(kind, data)
+    if pictures:
+        payload = replace(payload, images=pictures)
+    cycle, time, wall = (decode(hint, record.get(stamp)) for stamp, hint in _STAMPS.items())
+    if not (abs(time) < _AGES and abs(wall) < _AGES):
+        raise ValueError(f"no run has events at {time} s, or after {wall} s")
+    return Event(cycle, time, wall, payload)
+
+
+def _renamed(event: Event) -> Event:
+    """An event of a run in which nobody looked. In records made before `plan-completed` had its name, such a run ended
+    as if the goal had been seen."""
+    payload = event.payload
+    if isinstance(payload, Decision | Ended) and payload.outcome is OutcomeKind.GOAL_REACHED:
+        return replace(event, payload=replace(payload, outcome=OutcomeKind.PLAN_COMPLETED))
+    return event
+
+
+def _record(line: bytes) -> dict[str, Any]:
+    try:
+        record = parse_json(line)
+    except ValueError:
+        raise ValueError("not a JSON object; is this a record of a run?") from None
+    version = record.get("v") if isinstance(record, dict) else None
+    if not isinstance(version, int) or isinstance(version, bool):
+        raise ValueError("no format version; is this a record of a run?")
+    if version > FORMAT:
+        raise ValueError(f"written by a newer Executive (format {version}, this one reads {FORMAT}): update it")
+    if version < 1:
+        raise ValueError(f"there is no format {version}")
+    return dict(record)
+
+
+def _pictures(stored: JsonValue, folder: Path) -> dict[str, Image]:
+    if not isinstance(stored, dict):
+        raise ValueError("images: expected an object")
+    pictures = {}
+    for camera, name in stored.items():
+        # A record comes from anywhere; it may name pictures in its own folder and no other file.
+        if not isinstance(name, str) or not name.startswith(f"{IMAGES_FOLDER}/") or name.count("/") != 1:
+            raise ValueError(f"images: {camera}: {str(name)[:60]!r} is not a file in {IMAGES_FOLDER}/")
+        pictures[camera] = read_picture(folder / name)
+    return pictures
+
+
+def _thinned(motion: Motion) -> Motion:
+    """At most `MOTION_POINTS` of a motion's points, the first and the last among them, to 0.1 mrad and 0.1 mm."""
+    count = len(motion.configurations)
+    kept = np.unique(np.linspace(0, count - 1, min(count, MOTION_POINTS)).round().astype(int))
+    path = motion.end_effector
+    return replace(
+        motion,
+        configurations=motion.configurations[kept].round(4),
+        end_effector=(path[kept] if len(path) == count else path[:MOTION_POINTS]).round(4),
+    )
+
+
+def _whole(file: int) -> int:
+    """How many bytes of a record are whole lines."""
+    end = os.fstat(file).st_size
+    while end:
+        start = max(0, end - 65536)
+        newline = os.pread(file, end - start, start).rfind(b"\n")
+        if newline >= 0:
+            return start + newline + 1
+        end = start
+    return 0

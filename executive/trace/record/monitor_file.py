@@ -1,0 +1,128 @@
+"""The monitor of a run beside its record, in `monitor.json`: what was made of its looks can be worked out once more,
+whatever has become of the domain, of the model and of what is known about it since."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from executive.belief import (
+    ActionModel,
+    BayesMonitor,
+    Chances,
+    Group,
+    Monitor,
+    MutexNetwork,
+    SensorModel,
+    ThresholdMonitor,
+    Thresholds,
+)
+from executive.errors import InputError, nearest
+from executive.trace.record.codec import decode, encode
+from executive.types import Atom, SkillStatus
+from executive.util.atomic_write import write_whole
+from executive.util.files import read_json
+
+FILE = "monitor.json"
+_LARGEST = 20_000_000
+_FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class _Plain:
+    thresholds: Thresholds
+
+
+@dataclass(frozen=True, slots=True)
+class _Carried:
+    """A predicate, and where its arguments stand among a step's."""
+
+    predicate: str
+    positions: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Fused:
+    groups: tuple[Group, ...]
+    eye: SensorModel
+    thresholds: Mapping[str, Thresholds]
+    process_noise: float | None
+    """None: nothing is remembered."""
+    counts: Mapping[str, Mapping[str, tuple[float, ...]]]
+    """By action and by what its skill reports."""
+    carried: Mapping[str, _Carried] = field(default_factory=dict)
+
+
+_KINDS: Mapping[str, type] = {"plain": _Plain, "fused": _Fused}
+
+
+def save(run: Path | str, monitor: Monitor) -> Path | None:
+    """Write `monitor.json` into the run's folder. A monitor that is none of Executive's own is not kept."""
+    match monitor:
+        case ThresholdMonitor():
+            kind, kept = "plain", encode(_Plain(monitor.thresholds))
+        case BayesMonitor():
+            kind, kept = "fused", encode(_fused(monitor))
+        case _:
+            return None
+    text = json.dumps({"format": _FORMAT, "kind": kind, **kept}, indent=1) + "\n"
+    return write_whole(Path(run) / FILE, text.encode())
+
+
+def load(run: Path | str, atoms: Sequence[Atom]) -> Monitor:
+    """The monitor that a run with these atoms had.
+
+    Raises:
+        InputError: there is none in its folder, or a damaged one.
+    """
+    file = Path(run) / FILE
+    if not file.exists():
+        raise InputError("is missing: it is not known what was made of the run's looks", file=file)
+    said = read_json(file, largest=_LARGEST)
+    try:
+        if not isinstance(said, dict) or said.get("format") != _FORMAT:
+            raise ValueError(f"expected format {_FORMAT}")
+        if said.get("kind") not in _KINDS:
+            raise ValueError(f"no monitor {said.get('kind')!r}; {nearest(str(said.get('kind')), _KINDS)}")
+        kept = decode(_KINDS[said["kind"]], said)
+        return ThresholdMonitor(atoms, kept.thresholds) if isinstance(kept, _Plain) else _monitor(kept, atoms)
+    except ValueError as error:
+        raise InputError(f"is damaged: {error}", file=file) from None
+
+
+def described(monitor: Monitor) -> str:
+    """A monitor in a few words."""
+    match monitor:
+        case ThresholdMonitor(thresholds=Thresholds(low=low, high=high)):
+            return f"threshold {high:g}" if low == high else f"thresholds {low:g} and {high:g}"
+        case BayesMonitor():
+            parts = ["consistency"] if monitor.network.groups else []
+            parts += ["memory"] if monitor.actions is not None else []
+            told = " and ".join(parts) or "neither consistency nor memory"
+            return f"{told}, thresholds by predicate" if monitor.thresholds else told
+    return type(monitor).__name__
+
+
+def _fused(monitor: BayesMonitor) -> _Fused:
+    counts: dict[str, dict[str, tuple[float, ...]]] = {}
+    for (action, status), each in (monitor.actions.counts if monitor.actions else {}).items():
+        counts.setdefault(action, {})[status.value] = tuple(each)
+    process_noise = None if monitor.actions is None else monitor.actions.process_noise
+    carried = {action: _Carried(*said) for action, said in monitor.carried.items()}
+    return _Fused(monitor.network.groups, monitor.eye, monitor.thresholds, process_noise, counts, carried)
+
+
+def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
+    actions = None
+    if kept.process_noise is not None:
+        counts = {}
+        for action, statuses in kept.counts.items():
+            for status, numbers in statuses.items():
+                if len(numbers) != len(Chances._fields):
+                    raise ValueError(f"counts: {action}: {status}: expected three numbers")
+                counts[action, SkillStatus(status)] = Chances(*numbers)
+        actions = ActionModel(counts, kept.process_noise)
+    carried = {action: (said.predicate, said.positions) for action, said in kept.carried.items()}
+    return BayesMonitor(MutexNetwork(tuple(atoms), kept.groups), kept.eye, actions, kept.thresholds, carried)

@@ -1,0 +1,306 @@
+"""What a run came to: `summary.json`, and the same for a person to read."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO, TypedDict
+
+from executive.trace.record.log import picture_name
+from executive.trace.story.story import Story
+from executive.trace.terminal.view import outcome_style
+from executive.types import (
+    COMPILE,
+    Decision,
+    DecisionKind,
+    Event,
+    Looked,
+    LookKind,
+    Motion,
+    Moved,
+    OutcomeKind,
+    Started,
+    Timing,
+)
+from executive.util.atomic_write import write_whole
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+SUMMARY_FILE = "summary.json"
+_LABEL = 10
+STAGES = ("observe", "estimate", "plan", "motion", "guard", "skill", COMPILE, "other")
+"""Where wall time goes: looking, estimating atoms, planning the task, planning motions, looking after what is carried,
+the rest of the skills (in a simulator, its physics), compiling what they need (once on a machine), and all else
+(start-up, decisions, sinks)."""
+
+
+class Fault(TypedDict):
+    """A fault that was injected; `action` is the run's action that it struck, `time` the world's clock in s."""
+
+    kind: str
+    spec: str
+    action: int
+    time: float
+    detail: str
+
+
+class Looks(TypedDict):
+    """What was spent on looking: looks that decisions were made on, how many of them were a second look or more at the
+    same moment, questions asked in them, how often and how long (world seconds) the arm was brought out of the way, and
+    the guard's glances at what was carried, each a question."""
+
+    total: int
+    again: int
+    questions: int
+    moves: int
+    moving_seconds: float
+    glances: int
+
+
+class GivenUp(TypedDict):
+    """A literal of the goal that was given up, why, and the pictures in the run's folder of the last look at it."""
+
+    goal: str
+    why: str
+    pictures: list[str]
+
+
+class Summary(TypedDict):
+    """`summary.json`. Times are in seconds; `wall_seconds` has the key `total` and one for each of `STAGES`.
+
+    `goal_seen` is the executive's own claim, `goal_true` the scorer's verdict (None when nobody scored).
+    """
+
+    run: str
+    domain: str
+    problem: str
+    seed: int
+    estimator: str
+    outcome: str
+    goal_seen: bool
+    goal_true: bool | None
+    unreached: list[str]
+    given_up: list[GivenUp]
+    cycles: int
+    actions: int
+    replans: int
+    looks: int
+    looking: Looks
+    faults: list[Fault]
+    sim_seconds: float
+    wall_seconds: dict[str, float]
+
+
+class Collector:
+    """A sink that keeps what the summary needs, so that nothing has to be read back."""
+
+    def __init__(self) -> None:
+        self._story = Story()
+        self._stages = dict.fromkeys(STAGES, 0.0)
+        self._began: Event | None = None
+        self._last: Event | None = None
+        self._looking = Looks(total=0, again=0, questions=0, moves=0, moving_seconds=0.0, glances=0)
+        self._given_up: dict[str, list[Decision]] = {}
+
+    def write(self, event: Event) -> None:
+        self._story.tell(event)
+        self._last = event
+        match event.payload:
+            case Started():
+                self._began = event
+            case Timing(stage=stage, seconds=seconds):
+                self._stages[stage if stage in self._stages else "other"] += seconds
+                if stage == "guard":
+                    self._stages["skill"] -= seconds  # it looks while the skill is at work
+            case Motion(planning_seconds=seconds):
+                self._stages["motion"] += seconds
+                self._stages["skill"] -= seconds  # which is where the motion was planned, and its timing will say so
+            case Looked(kind=LookKind.GUARD):
+                self._looking["glances"] += 1
+            case Looked(questions=questions):
+                self._looking["total"] += 1
+                self._looking["questions"] += questions
+            case Moved(seconds=seconds) if seconds > 0.0:
+                self._looking["moves"] += 1
+                self._looking["moving_seconds"] += seconds
+            case Decision(kind=DecisionKind.LOOK_AGAIN):
+                self._looking["again"] += 1
+            case Decision(kind=DecisionKind.GIVE_UP_GOAL | DecisionKind.STOP, evidence=evidence) as decision:
+                for atom in evidence:
+                    self._given_up.setdefault(str(atom), []).append(decision)
+
+    def recall(self, event: Event) -> None:
+        """Take in what an earlier process of this run recorded."""
+        self.write(event)
+
+    def close(self) -> None:
+        pass
+
+    def summary(self, goal_true: bool | None = None) -> Summary:
+        """What the events so far come to. A run whose end is not among them has crashed.
+
+        Args:
+            goal_true: the scorer's verdict; nothing in the events may know it.
+
+        Raises:
+            ValueError: the run's start is not among them either.
+        """
+        story, began, last = self._story, self._began, self._last
+        if story.started is None or began is None or last is None:
+            raise ValueError("these events are no run: none of them starts it")
+        started, ended = story.started, story.ended
+        return Summary(
+            run=started.run,
+            domain=started.domain,
+            problem=started.task.problem,
+            seed=started.seed,
+            estimator=started.estimator,
+            outcome=str(ended.outcome if ended else OutcomeKind.CRASHED),
+            goal_seen=ended.goal_seen if ended else False,
+            goal_true=goal_true,
+            unreached=list(ended.unreached if ended else story.unreached()),
+            given_up=list(self._lost(ended.unreached if ended else story.unreached())),
+            cycles=ended.cycles if ended else story.cycle,
+            actions=ended.actions if ended else story.actions,
+            replans=ended.replans if ended else story.replans,
+            looks=ended.looks if ended else story.looks,
+            looking=Looks(**{**self._looking, "moving_seconds": round(self._looking["moving_seconds"], 3)}),
+            faults=[
+                Fault(kind=fault.kind, spec=fault.spec, action=fault.action, time=event.time, detail=fault.detail)
+                for event, fault in story.faults
+            ],
+            sim_seconds=round(last.time - began.time, 3),
+            wall_seconds=self._wall_seconds(last.wall),
+        )
+
+    def _lost(self, unreached: Sequence[str]) -> Iterator[GivenUp]:
+        """What was given up and not reached after all: why, and as it was seen last."""
+        for literal in unreached:
+            name = literal.removeprefix("not ")
+            if decisions := self._given_up.get(name):
+                grounds = [ground for ground in decisions[-1].grounds if str(ground.atom) == name]
+                pictures = [picture_name(g.observation_id, camera) for g in grounds for camera in g.cameras]
+                yield GivenUp(goal=literal, why=decisions[0].reason, pictures=pictures)
+
+    def _wall_seconds(self, total: float) -> dict[str, float]:
+        stages = {stage: max(0.0, seconds) for stage, seconds in self._stages.items()}
+        stages["other"] = max(0.0, total - sum(stages.values()) + stages["other"])
+        return {"total": round(total, 3), **{stage: round(seconds, 3) for stage, seconds in stages.items()}}
+
+
+def summarise(events: Iterable[Event], goal_true: bool | None = None) -> Summary:
+    """The summary of recorded events (see `executive.trace.record.log.read_events`); raises as `Collector.summary`
+    does."""
+    collector = Collector()
+    for event in events:
+        collector.write(event)
+    return collector.summary(goal_true)
+
+
+def write_summary(run: Path | str, summary: Summary) -> Path:
+    """Put `summary.json` into the run's folder: the whole file or, if that fails, none of it."""
+    return write_whole(Path(run) / SUMMARY_FILE, (json.dumps(summary, indent=2) + "\n").encode())
+
+
+def print_summary(summary: Summary, run: Path | str, stream: TextIO) -> None:
+    """For a person: the outcome, the numbers, and the command that inspects the run in folder `run`."""
+    from rich.text import Text
+
+    from executive.trace.terminal.console import console_for
+
+    console = console_for(stream)
+    rows: list[tuple[str, Text]] = [("outcome", _outcome(summary))]
+    if summary["unreached"]:
+        rows.append(("unreached", Text(", ".join(summary["unreached"]), "yellow")))
+    for lost in summary["given_up"]:
+        pictures = f" (see {', '.join(lost['pictures'])})" if lost["pictures"] else ""
+        rows.append(("given up", Text(f"{lost['goal']}: {lost['why']}{pictures}", "yellow")))
+    rows.append(("actions", Text(_counts(summary))))
+    if summary["looking"]["questions"]:
+        rows.append(("looking", Text(_looking(summary["looking"]))))
+    rows += [("fault", Text(_fault(fault), "magenta")) for fault in summary["faults"]]
+    rows.append(("time", Text(_times(summary))))
+    rows.append(("inspect", Text(f"executive inspect {shlex.quote(str(run))}", "bold")))
+    for label, text in rows:
+        # A command that is to be copied must not be broken, and in a pipe nothing must.
+        whole = label == "inspect" or not console.is_terminal
+        width = console.width - _LABEL
+        for index, line in enumerate([text] if whole else text.wrap(console, max(20, width))):
+            console.print(Text(f"{label if index == 0 else '':<{_LABEL}}", "dim") + line, soft_wrap=True)
+
+
+def print_runs(summaries: Sequence[Summary], stream: TextIO, labels: Sequence[str] = ()) -> None:
+    """A table with one line a run, and how many reached their goal; `labels` stand before the lines."""
+    from rich.table import Table
+
+    from executive.trace.terminal.console import console_for
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    columns = ("problem", "seed", "estimator", "outcome", "true", "actions", "replans", "looks", "faults", "sim s")
+    for column in ((" ",) if labels else ()) + columns:
+        table.add_column(column, justify="left" if column in (" ", "problem", "estimator", "outcome") else "right")
+    for index, each in enumerate(summaries):
+        counts = (str(each[key]) for key in ("actions", "replans", "looks"))
+        cells = (each["problem"], str(each["seed"]), each["estimator"], each["outcome"], _said(each["goal_true"]))
+        end = (str(len(each["faults"])), f"{each['sim_seconds']:.1f}")
+        table.add_row(*((labels[index],) if labels else ()), *cells, *counts, *end)
+    console = console_for(stream)
+    if not console.is_terminal:
+        console.width = 200  # nothing is cut off in a pipe
+    console.print(table)
+    reached = sum(each["goal_true"] is True for each in summaries)
+    console.print(f"{reached} of {len(summaries)} reached their goal")
+
+
+def _outcome(summary: Summary) -> Text:
+    from rich.text import Text
+
+    outcome, true = OutcomeKind(summary["outcome"]), summary["goal_true"]
+    claimed = outcome.claims_goal
+    text = Text(outcome, "bold red" if claimed and true is False else outcome_style(outcome))
+    text.append(f"; goal seen: {_said(summary['goal_seen'])}, goal true: {_said(true)}", "")
+    if true is not None and true is not claimed:
+        text.append(" - the robot is mistaken" if claimed else " - the robot does not know", "bold yellow")
+    return text
+
+
+def _said(value: bool | None) -> str:
+    return {True: "yes", False: "no", None: "not scored"}[value]
+
+
+def _counts(summary: Summary) -> str:
+    parts = [
+        _plural(summary["actions"], "action"),
+        _plural(summary["replans"], "replan"),
+        _plural(summary["looks"], "look"),
+    ]
+    return f"{', '.join(parts)} in {_plural(summary['cycles'], 'cycle')}"
+
+
+def _looking(looks: Looks) -> str:
+    parts = [f"{looks['questions'] / looks['total']:.0f} questions a look"]
+    if looks["again"]:
+        parts.append(f"{_plural(looks['again'], 'look')} again at what was in doubt")
+    if looks["moves"]:
+        parts.append(f"{looks['moving_seconds']:.1f} s to clear the view")
+    if looks["glances"]:
+        parts.append(f"{_plural(looks['glances'], 'glance')} at what was carried")
+    return ", ".join(parts)
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _fault(fault: Fault) -> str:
+    detail = f": {fault['detail']}" if fault["detail"] else ""
+    return f"{fault['spec']} in action {fault['action']} at {fault['time']:.1f} s{detail}"
+
+
+def _times(summary: Summary) -> str:
+    wall: Mapping[str, float] = summary["wall_seconds"]
+    stages = ", ".join(f"{stage} {wall[stage]:.1f}" for stage in STAGES if wall[stage] >= 0.05)
+    return f"{summary['sim_seconds']:.1f} s simulated in {wall['total']:.1f} s{f' ({stages})' if stages else ''}"

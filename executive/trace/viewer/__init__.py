@@ -1,0 +1,1 @@
+"""The run in the Rerun viewer: scene, pictures, beliefs, plans and decisions on one timeline."""

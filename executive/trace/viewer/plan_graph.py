@@ -1,0 +1,90 @@
+"""The plan as a graph: a node a step, the latest plans at the bottom, a long plan in several rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import rerun as rr
+
+from executive.trace.story.story import Mark, PlanLine, Story
+from executive.trace.viewer.blueprint import GRAPH_HEIGHT, GRAPH_WIDTH
+from executive.trace.viewer.colours import COLOUR_OF, DIM, WHITE, Colour
+from executive.trace.viewer.text_panels import plain, step_label
+
+ROWS, COLUMNS = 3, 10
+"""How much is shown at once: rows, and steps in each."""
+MARGIN = 46.0
+"""From the edge to the middle of a row's first and last node, in the panel's units."""
+
+
+@dataclass
+class Row:
+    """Nodes from left to right, each with an arrow to the next: its name, its text, its colour."""
+
+    nodes: list[tuple[str, str, Colour]] = field(default_factory=list)
+
+    def add(self, node: str, label: str, colour: Colour) -> None:
+        self.nodes.append((node, plain(label), colour))
+
+
+def plan_rows(story: Story) -> list[Row]:
+    """The last plans of the run with how each step stands: the one that is carried out and, as far as there is room,
+    those before it."""
+    rows: list[Row] = []
+    for plan in reversed(story.plans):
+        if len(rows) < ROWS:
+            rows = [*_rows(plan, plan is story.plan, ROWS - len(rows)), *rows]
+    return rows
+
+
+def plan_graph(rows: Sequence[Row]) -> tuple[rr.GraphNodes, rr.GraphEdges]:
+    """The same as the viewer has it."""
+    across = min((GRAPH_WIDTH - 2 * MARGIN) / max([1, *(len(row.nodes) - 1 for row in rows)]), 170.0)
+    down = GRAPH_HEIGHT / (len(rows) or 1)
+    nodes = [node for row in rows for node in row.nodes]
+    return (
+        rr.GraphNodes(
+            [name for name, _, _ in nodes],
+            labels=[label for _, label, _ in nodes],
+            colors=[colour for _, _, colour in nodes],
+            positions=[
+                (MARGIN + column * across, (number + 0.5) * down)
+                for number, row in enumerate(rows)
+                for column in range(len(row.nodes))
+            ],
+            show_labels=True,
+        ),
+        rr.GraphEdges(
+            [(one, other) for row in rows for (one, _, _), (other, _, _) in pairwise(row.nodes)],
+            graph_type="directed",
+        ),
+    )
+
+
+def _rows(plan: PlanLine, is_current: bool, room: int) -> Sequence[Row]:
+    """A plan in at most `room` rows. Of one that another took the place of, what was never begun is counted alone."""
+    lines = plan.lines
+    if not is_current:
+        lines = lines[: 1 + max((at for at, line in enumerate(lines) if line.mark is not Mark.DROPPED), default=-1)]
+    rows = []
+    for first in range(0, max(1, len(lines)), COLUMNS):
+        row, last = Row(), min(first + COLUMNS, len(lines))
+        some = f"\n{first + 1} to {last}" if len(lines) > COLUMNS else ""
+        row.add(f"plan {plan.number}.{first}", f"plan {plan.number}\n{_steps(len(plan.lines))}{some}", WHITE)
+        for at, line in enumerate(lines[first:last], start=first):
+            row.add(f"{plan.number}.{at}", step_label(line), COLOUR_OF[line.mark])
+        rows.append(row)
+    left = len(plan.lines) - len(lines)
+    if left:
+        rows[-1].add(f"plan {plan.number}.left", f"{_steps(left)}\nnot begun", DIM)
+    if not is_current:
+        return rows[-room:]
+    settled = sum(line.mark in (Mark.DONE, Mark.SKIPPED) for line in lines)
+    first = max(0, min(settled // COLUMNS - 1, len(rows) - room))
+    return rows[first : first + room]
+
+
+def _steps(count: int) -> str:
+    return f"{count} step{'s' * (count != 1)}"

@@ -1,0 +1,220 @@
+"""The panels of the viewer that are text: pure functions from a story to Markdown.
+
+The viewer's fonts have no glyph for much of Unicode, and its headless form ends at the first one that is missing, so
+every text goes through `plain` on its way there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence, Set
+
+from executive.trace.story.last_look import Change, LookLine
+from executive.trace.story.story import AtomLine, Mark, Standing, StepLine, Story
+from executive.trace.terminal.view import contradiction
+from executive.types import Atom, Contradiction, Decision, DecisionKind, LookKind, Overruled, Step
+
+MARKS = {
+    Mark.PENDING: "○",
+    Mark.CURRENT: "►",
+    Mark.DONE: "✓",
+    Mark.FAILED: "✗",
+    Mark.SKIPPED: "-",
+    Mark.DROPPED: "-",
+}
+_STANDINGS = {Standing.SURPRISE: "✗", Standing.DOUBT: "?", Standing.EXPECTED: "✓"}
+_DRAWN = {*map(chr, range(0x20, 0x7F)), *map(chr, range(0xA1, 0x100)), *"\n→←↑↓•…≥≤≠", *MARKS.values()} - {"\xad"}
+_UNDRAWN = re.compile(f"[^{re.escape(''.join(sorted(_DRAWN)))}]")
+_MARKDOWN = re.compile(r"[\\`*_|<>\[\]#~$]")
+_ROWS, _CHANGES = 6, 6
+"""What the panels have room for, in a window of 1280x800 pixels."""
+_KINDS = {
+    LookKind.CLOSER: "closer: ",
+    LookKind.MOVED: "with the arm out of the way: ",
+}
+
+
+def plain(text: str) -> str:
+    """`text` with every character that the viewer cannot draw replaced by a question mark."""
+    return _UNDRAWN.sub("?", text)
+
+
+def escaped(text: str) -> str:
+    """`text` as one line of Markdown that shows it letter by letter."""
+    return _MARKDOWN.sub(r"\\\g<0>", " ".join(plain(text).split()))
+
+
+def spoken(step: Step) -> str:
+    """`pick cereal-box wood-table`."""
+    return " ".join((step.action, *step.args))
+
+
+def status(story: Story) -> str:
+    """Where the run stands; at its end, what it came to."""
+    started = story.started
+    if started is None:
+        return ""
+    if story.ended is not None:
+        lines = [f"**{escaped(str(story.ended.outcome))}**: {escaped(story.ended.reason)}"]
+    else:
+        lines = [f"**{escaped(_doing(story))}**"]
+        if story.decisions and not is_routine(story.decisions[-1][1]):
+            lines.append(escaped(_last(story.decisions[-1][1])))
+    if story.probability and story.unreached():
+        lines.append(escaped(f"to go: {', '.join(story.unreached())}"))
+    counts = {"action": story.actions, "look": story.looks, "replan": story.replans, "fault": len(story.faults)}
+    told = [f"{story.time:.1f} s", *(f"{count} {noun}{'s' * (count != 1)}" for noun, count in counts.items())]
+    if story.goal_told:
+        told.append(f"**{story.goal_told}**")
+    who = "nobody looks" if started.is_blind else f"seen by {started.estimator}"
+    title = f"{started.domain}: {started.task.problem} · seed {started.seed} · {who}"
+    return "  \n".join([*lines, " · ".join(told), escaped(title)])
+
+
+def belief(story: Story) -> str:
+    """What was expected against what was believed in the last comparison; before the first one, what is believed, or
+    assumed where nobody looks."""
+    compared = story.compared
+    if compared is None:
+        true = [(escaped(str(atom)), f"{p:.2f}") for atom, p in sorted(story.probability.items()) if p >= 0.5]
+        if story.is_blind:
+            return "\n".join(_table(["assumed true"], [row[:1] for row in true]))
+        return "\n".join(_table(["believed true", "P(true)"], true))
+    about = f" {spoken(story.compared_step)}" if story.compared_step else ""
+    title = {"preconditions": f"before{about}", "effects": f"after{about}", "goal": "the goal"}
+    lines = story.atoms()
+    alarm = _alarm(lines)
+    shown = _worth_showing(story, lines)[: _ROWS - bool(alarm)]
+    notes = [_note(story, line.atom) for line in shown]
+    rows = [[*_row(line), escaped(note)] for line, note in zip(shown, notes, strict=True)]
+    rest = [line for line in lines if line not in shown]
+    if rest:
+        as_expected = all(line.standing is Standing.EXPECTED for line in rest)
+        rows.append(["", f"{len(rest)} more{', as expected' * as_expected}", "", "", ""])
+    about = escaped(title.get(compared.what, compared.what))
+    head = ["", f"{about}, look {compared.observation_id}", "expected", "P(true)", ""]
+    cells = len(head) if any(notes) else len(head) - 1
+    return "\n".join([*alarm, *_table(head[:cells], [row[:cells] for row in rows])])
+
+
+def look(story: Story) -> str:
+    """What the last look changed in what is known, and through which cameras; while something is carried, what the
+    last glance at it showed."""
+    last, glance = story.seeing.last, story.seeing.glance
+    if last is None:
+        return ""
+    lines = []
+    if glance is not None and glance.id > last.id:
+        answers = ", ".join(f"{atom} {value:.2f}" for atom, value in glance.answers.items())
+        lines += [f"**glance {glance.id}**, while it is carried: **{escaped(answers) or 'no answer'}**", ""]
+    lines += [_taken(last, frozenset(story.seeing.seen_in)), ""]
+    if last.changes:
+        rows = [_change(change) for change in last.changes[:_CHANGES]]
+        lines += _table(["atom", "was", "is now", "P(true)"], rows)
+        lines += ["", f"{len(last.changes) - _CHANGES} more"] if len(last.changes) > _CHANGES else []
+    else:
+        lines.append("what it shows was known before" if story.looks > 1 else "the first look")
+    notes = [*map(_clash, last.contradictions), *map(_overruled, last.overruled)]
+    notes += [f"camera {camera} left out: {why}" for camera, why in story.seeing.blinded.items()]
+    return "\n".join([*lines, "", *(f"- {escaped(note)}" for note in notes)])
+
+
+def log_line(decision: Decision) -> str:
+    """A decision in one line of the log."""
+    return plain(f"{decision.kind}: {decision.reason}")
+
+
+def step_label(line: StepLine) -> str:
+    """A step as a node of the plan's graph."""
+    tail = f"\n({line.note})" if line.note else ""
+    return plain("\n".join((f"{MARKS[line.mark]} {line.step.action}", *line.step.args)) + tail)
+
+
+def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
+    """All that is not as expected; of the rest what the step was to change, or, if it is no step, everything."""
+    compared = story.compared
+    step = story.compared_step if compared is not None and compared.what == "effects" else None
+    wanted = [
+        line for line in lines if line.standing is not Standing.EXPECTED or step is None or line.atom in step.effects
+    ]
+    return wanted
+
+
+def _alarm(lines: Sequence[AtomLine]) -> list[str]:
+    """What stands out at once: how many surprises and doubts there are, in large letters. (The viewer's Markdown has no
+    colours, and its boxes for warnings begin with glyphs that its fonts lack.)"""
+    counts = {Standing.SURPRISE: "not as expected", Standing.DOUBT: "cannot be told"}
+    told = [
+        f"{_STANDINGS[standing]} {count} {what}"
+        for standing, what in counts.items()
+        if (count := sum(line.standing is standing for line in lines))
+    ]
+    return [f"### {', '.join(told)}", ""] if told else []
+
+
+def _note(story: Story, atom: Atom) -> str:
+    """What an atom's probability rests on, where that is not the answer to a question about it alone."""
+    last, kept = story.seeing.last, story.seeing.remembered.get(atom)
+    if kept is not None:
+        return f"seen {kept.age} cycle{'s' * (kept.age != 1)} ago"
+    for wrong in last.overruled if last is not None else ():
+        if wrong.atom == atom:
+            return f"the look said {wrong.answer:.2f}"
+    return ""
+
+
+def _taken(last: LookLine, cameras: Set[str]) -> str:
+    """Which look it was, and what it took: through which of the `cameras`, unless it was all of them."""
+    cause = f" ({escaped(last.cause)})" if last.cause else ""
+    how = _KINDS.get(last.kind, "") if last.kind else ""
+    asked = f"{last.questions} of {last.atoms} atoms" if last.atoms else f"{last.questions} atoms"
+    through = f" through {escaped(', '.join(last.cameras))}" if last.cameras and set(last.cameras) < cameras else ""
+    return f"**look {last.id}**{cause}: {how}{asked}{through}" if last.id >= 0 else "**told, not seen**"
+
+
+def _change(change: Change) -> list[str]:
+    words = {True: "true", False: "false", None: "?"}
+    probability = "?" if change.probability is None else f"{change.probability:.2f}"
+    cells = [escaped(str(change.atom)), words[change.before], words[change.now], probability]
+    return [f"**{cell}**" for cell in cells] if change.now else cells
+
+
+def _clash(clash: Contradiction) -> str:
+    return f"answers {contradiction(clash)}"
+
+
+def _overruled(wrong: Overruled) -> str:
+    believed = "cannot be told" if wrong.believed is None else f"is taken for {'true' if wrong.believed else 'false'}"
+    return f"{wrong.atom}: the look says {wrong.answer:.2f}, with what else is known it {believed}"
+
+
+def _row(line: AtomLine) -> list[str]:
+    probability = "?" if line.probability is None else f"{line.probability:.2f}"
+    cells = [_STANDINGS[line.standing], escaped(str(line.atom)), "true" if line.expected else "false", probability]
+    if line.standing is Standing.EXPECTED:
+        return cells
+    # Atoms have no character that would end the code span.
+    cells[1] = f"`{line.atom}`"
+    return [f"**{cell}**" for cell in cells]
+
+
+def _doing(story: Story) -> str:
+    line = story.current
+    if line is None:
+        return "looking at the world" if story.plan is None else "about to begin"
+    attempt = f", attempt {line.attempt}" if line.attempt > 1 else ""
+    outcome = f" - {line.note}" if line.note else ""
+    return f"action {line.action}: {spoken(line.step)}{attempt}{outcome}"
+
+
+def _last(decision: Decision) -> str:
+    return f"{decision.kind}: {decision.reason}"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
+
+
+def is_routine(decision: Decision) -> bool:
+    """Whether a decision is what happens when all goes well."""
+    return decision.kind is DecisionKind.CONTINUE

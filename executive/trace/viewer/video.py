@@ -1,0 +1,88 @@
+"""Pictures over time and how probable things were meanwhile, as a Rerun recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from executive.errors import InputError
+from executive.trace.record.pictures import to_jpeg
+from executive.trace.viewer.text_panels import plain
+from executive.types import Image
+
+APPLICATION = "executive-estimate"
+TIME = "time"
+_PICTURES, _PROBABILITY = "pictures", "probability"
+
+
+class Film:
+    """Writes a recording that can be played: the pictures beside a curve for each thing that was estimated.
+
+    Use it as a context manager; what was added is in the file even when the block ends by an error.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+
+    def __init__(self, file: Path | str) -> None:
+        self.file = Path(file)
+        try:
+            self.file.touch()
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror})", file=file) from None
+        self._record = rr.RecordingStream(APPLICATION)
+        self._record.set_sinks(rr.FileSink(self.file))
+        self._named: set[tuple[str, str]] = set()
+
+    def __enter__(self) -> Film:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._record.flush()
+        self._record.disconnect()
+
+    def add(self, time: float, pictures: Mapping[str, Image], curves: Mapping[str, Mapping[str, float | None]]) -> None:
+        """What was seen at `time` seconds, and what it was taken for: group -> name -> P(true), None where unknown."""
+        if not self._named:
+            self._record.send_blueprint(_blueprint(list(pictures), list(curves)))
+        self._record.set_time(TIME, duration=time)
+        for name, picture in pictures.items():
+            encoded = rr.EncodedImage(contents=to_jpeg(picture), media_type="image/jpeg")
+            self._record.log([_PICTURES, plain(name)], encoded)
+        for group, members in curves.items():
+            for name, probability in members.items():
+                entity: list[object] = [_PROBABILITY, plain(group), plain(name)]
+                if (group, name) not in self._named:
+                    self._named.add((group, name))
+                    stepped = rr.components.InterpolationMode.StepAfter
+                    style = rr.SeriesLines(names=plain(name), interpolation_mode=stepped)
+                    self._record.log(entity, style, static=True)
+                # Not a number is a gap in the curve.
+                self._record.log(entity, rr.Scalars(math.nan if probability is None else probability))
+
+
+def _blueprint(pictures: list[str], groups: list[str]) -> rrb.Blueprint:
+    seen = [rrb.Spatial2DView(origin=f"{_PICTURES}/{plain(name)}", name=plain(name)) for name in pictures]
+    curves = [
+        rrb.TimeSeriesView(
+            origin=f"{_PROBABILITY}/{plain(group)}",
+            name=f"P({plain(group)})",
+            axis_y=rrb.ScalarAxis(range=(-0.05, 1.05)),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+        )
+        for group in groups
+    ]
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Vertical(*seen), rrb.Vertical(*curves), column_shares=[45, 55]),
+        rrb.TimePanel(state="collapsed", timeline=TIME),
+        collapse_panels=True,
+        auto_layout=False,
+        auto_views=False,
+    )

@@ -1,0 +1,1 @@
+"""Files, time limits and processes: nothing in here knows what an executive is."""

@@ -1,0 +1,402 @@
+"""The decisions: one test for each question that the policy asks, and laws over all of its answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from executive.core import policy
+from executive.core.policy import Doubts, Dropped, Failures, Settings, Turn
+from executive.types import (
+    Atom,
+    Decision,
+    DecisionKind,
+    Facts,
+    NoPlan,
+    NoPlanReason,
+    OutcomeKind,
+    Plan,
+    SkillResult,
+    SkillStatus,
+    Verdict,
+)
+from tests.fakes import FREE, at, held, pick, put
+
+SETTINGS = Settings()
+STEP = put("a", "q")
+EXPECTED = Facts({at("a", "q"): True, at("a", "r"): False, held("a"): False, FREE: True})
+AS_EXPECTED = Verdict(holds=frozenset(EXPECTED))
+ELSEWHERE = Verdict(holds=frozenset({held("a"), FREE}), violated=frozenset({at("a", "q"), at("a", "r")}))
+BLACK = Verdict(unknown=frozenset(EXPECTED))
+ONCE = Failures(1, 1)
+
+
+def times(count: int) -> Failures:
+    return Failures(count, count)
+
+
+def turn(status: SkillStatus = SkillStatus.DONE, **changes: object) -> Turn:
+    usual = Turn(
+        STEP,
+        SkillResult(STEP, status),
+        EXPECTED,
+        AS_EXPECTED,
+        doubts={},
+        planned=2,
+        rest=(0, 1),
+        repeatable=False,
+        looks=1,
+        attempt=1,
+        failures=ONCE,
+    )
+    return replace(usual, **changes)  # type: ignore[arg-type]
+
+
+def after(status: SkillStatus = SkillStatus.DONE, **changes: object) -> Decision:
+    return policy.after(turn(status, **changes), SETTINGS)
+
+
+def test_all_as_expected_goes_on() -> None:
+    decision = after()
+    assert (decision.kind, decision.reason) == (DecisionKind.CONTINUE, "as expected")
+
+
+def test_a_surprise_that_matters_is_looked_at_once_more_and_then_believed() -> None:
+    first = after(verdict=ELSEWHERE, rest=None)
+    assert first.kind is DecisionKind.LOOK_AGAIN
+    second = after(verdict=ELSEWHERE, rest=None, looks=2)
+    assert second.kind is DecisionKind.REPLAN
+    assert second.reason == "place(a,q) did not come out; at(a,q) not seen as expected; seen instead: at(a,r)"
+    assert second.evidence == (at("a", "q"), at("a", "r"))
+
+
+def test_a_surprise_that_changes_nothing_is_believed_at_once() -> None:
+    decision = after(verdict=ELSEWHERE)
+    assert decision.kind is DecisionKind.CONTINUE
+    assert decision.reason.endswith("the plan still reaches the goal")
+
+
+def test_skill_and_eye_that_agree_on_a_failure_need_no_second_look() -> None:
+    decision = after(SkillStatus.DROPPED, verdict=ELSEWHERE, rest=None)
+    assert decision.kind is DecisionKind.REPLAN
+    assert decision.reason.startswith("place(a,q) reports dropped; at(a,q) not seen as expected")
+
+
+def test_what_is_seen_wins_over_what_the_skill_reports() -> None:
+    assert after(SkillStatus.DROPPED).kind is DecisionKind.LOOK_AGAIN
+    assert after(SkillStatus.DROPPED, looks=2).kind is DecisionKind.CONTINUE
+    assert after(SkillStatus.DONE, verdict=ELSEWHERE, rest=None, looks=2).kind is DecisionKind.REPLAN
+
+
+def test_time_that_an_early_end_saved_is_told() -> None:
+    result = SkillResult(STEP, SkillStatus.DROPPED, "nothing between the fingers", seconds=2.0, planned_seconds=5.25)
+    decision = policy.after(turn(result=result, verdict=ELSEWHERE, rest=None), SETTINGS)
+    assert "reports dropped: nothing between the fingers (3.2 s early)" in decision.reason
+
+
+def test_steps_that_are_done_already_are_left_out_after_a_second_look() -> None:
+    assert after(verdict=ELSEWHERE, rest=(1,)).kind is DecisionKind.LOOK_AGAIN
+    decision = after(verdict=ELSEWHERE, rest=(1,), looks=2)
+    assert decision.kind is DecisionKind.CONTINUE
+    assert decision.reason.endswith("1 of 2 steps no longer needed")
+
+
+def test_retries_are_bounded_in_a_row_and_over_the_run() -> None:
+    missed = SkillStatus.GRASP_MISSED
+    kinds = [
+        after(missed, rest=None, repeatable=True, attempt=attempt).kind
+        for attempt in range(1, SETTINGS.max_retries + 3)
+    ]
+    assert kinds == [DecisionKind.RETRY] * SETTINGS.max_retries + [DecisionKind.REPLAN] * 2
+    circles = after(missed, rest=None, repeatable=True, failures=times(SETTINGS.max_failures))
+    assert circles.kind is DecisionKind.GIVE_UP_GOAL
+    assert "10 times from the same known facts" in circles.reason
+
+
+def test_what_does_not_fit_is_not_tried_again() -> None:
+    decision = after(SkillStatus.DOES_NOT_FIT, rest=None, repeatable=True, failures=times(1))
+    assert decision.kind is DecisionKind.GIVE_UP_GOAL
+
+
+@pytest.mark.parametrize("status", [SkillStatus.GRASP_MISSED, SkillStatus.UNREACHABLE])
+def test_some_more_failures_are_too_many_whatever_was_known(status: SkillStatus) -> None:
+    most = SETTINGS.bearable(status)
+    assert most > SETTINGS.tolerated(status)
+    elsewhere = [after(status, rest=None, repeatable=True, failures=Failures(1, ever)) for ever in (most - 1, most)]
+    assert [decision.kind for decision in elsewhere] == [DecisionKind.RETRY, DecisionKind.GIVE_UP_GOAL]
+
+
+def test_a_step_whose_preconditions_are_gone_is_not_tried_again() -> None:
+    assert after(SkillStatus.GRASP_MISSED, rest=None, repeatable=False).kind is DecisionKind.REPLAN
+
+
+def test_where_chance_plays_no_part_patience_is_shorter() -> None:
+    few = SETTINGS.max_retries + 2
+    assert (
+        after(SkillStatus.UNREACHABLE, rest=None, repeatable=True, failures=times(few)).kind
+        is DecisionKind.GIVE_UP_GOAL
+    )
+    assert after(SkillStatus.DROPPED, rest=None, repeatable=True, failures=times(few)).kind is DecisionKind.RETRY
+
+
+def test_a_doubt_that_matters_is_looked_at_as_often_as_allowed() -> None:
+    doubts = {at("a", "q"): None, FREE: 3}
+    for looks in range(1, SETTINGS.max_looks_again + 1):
+        decision = after(doubts=doubts, rest=None, looks=looks)
+        assert decision.kind is DecisionKind.LOOK_AGAIN
+        assert decision.reason == "cannot tell at(a,q) (never seen), free() (last seen 3 cycles ago)"
+    looks = SETTINGS.max_looks_again + 1
+    assert after(doubts=doubts, rest=None, looks=looks).kind is DecisionKind.REPLAN
+    assert after(doubts=doubts, looks=looks).kind is DecisionKind.CONTINUE, "what was last known carries the plan"
+
+
+def test_an_eye_that_tells_nothing_ends_the_run_by_name() -> None:
+    doubts = dict.fromkeys(EXPECTED)
+    assert after(verdict=BLACK, doubts=doubts, rest=None).kind is DecisionKind.LOOK_AGAIN
+    decision = after(verdict=BLACK, doubts=doubts, rest=None, looks=4)
+    assert (decision.kind, decision.outcome) == (DecisionKind.STOP, OutcomeKind.GAVE_UP)
+    assert decision.reason == "nothing can be seen any more: 4 looks after place(a,q) told no atom"
+
+
+def test_without_looks_to_spare_the_first_one_decides() -> None:
+    stingy = Settings(max_looks_again=0)
+    assert policy.after(turn(verdict=ELSEWHERE, rest=None), stingy).kind is DecisionKind.REPLAN
+    assert policy.after(turn(SkillStatus.DROPPED), stingy).kind is DecisionKind.CONTINUE
+
+
+atoms = st.frozensets(st.sampled_from(sorted(EXPECTED)))
+
+
+@st.composite
+def turns(draw: st.DrawFn) -> Turn:
+    holds = draw(atoms)
+    violated = draw(atoms) - holds
+    planned = draw(st.integers(0, 3))
+    chosen = draw(st.none() | st.sets(st.integers(0, planned - 1) if planned else st.nothing()))
+    return turn(
+        draw(st.sampled_from([status for status in SkillStatus if status is not SkillStatus.CRASHED])),
+        verdict=Verdict(holds, violated, frozenset(EXPECTED) - holds - violated),
+        doubts=dict.fromkeys(sorted(draw(atoms) - holds - violated), draw(st.none() | st.integers(0, 9))),
+        planned=planned,
+        rest=None if chosen is None else tuple(sorted(chosen)),
+        repeatable=draw(st.booleans()),
+        looks=draw(st.integers(1, 5)),
+        attempt=draw(st.integers(1, 5)),
+        failures=draw(
+            st.builds(lambda here, more: Failures(here, here + more), st.integers(1, 12), st.integers(0, 12))
+        ),
+    )
+
+
+@given(turns(), st.integers(0, 3), st.integers(0, 3), st.integers(1, 6))
+@example(turn(rest=None), 1, 1, 1)
+def test_every_turn_is_decided_within_its_budget_and_with_a_reason(
+    some: Turn, looks_again: int, retries: int, failures: int
+) -> None:
+    settings = Settings(max_looks_again=looks_again, max_retries=retries, max_failures=failures)
+    decision = policy.after(some, settings)
+    assert decision.reason
+    assert ";;" not in decision.reason
+    if decision.kind is DecisionKind.LOOK_AGAIN:
+        assert some.looks <= looks_again
+    elif decision.kind is DecisionKind.RETRY:
+        assert some.repeatable
+        assert some.attempt <= retries
+        assert some.failures.here < failures
+        assert some.failures.ever < settings.bearable(some.result.status)
+    elif decision.kind is DecisionKind.CONTINUE:
+        assert some.rest is not None
+    elif decision.kind is DecisionKind.STOP:
+        assert some.verdict.unknown == set(EXPECTED)
+    else:
+        assert some.rest is None
+        given_up = decision.kind is DecisionKind.GIVE_UP_GOAL
+        assert given_up == some.failures.too_many(some.result.status, settings)
+
+
+def test_a_step_begins_when_its_preconditions_are_known_to_hold() -> None:
+    step = pick("a", "p")
+    assert policy.before(step, Verdict(holds=frozenset(step.preconditions)), 0, ONCE, SETTINGS) is None
+
+
+def test_a_precondition_is_waited_for_a_few_looks_and_then_is_a_failure() -> None:
+    step = pick("a", "p")
+    verdict = Verdict(frozenset({FREE}), frozenset({at("a", "p")}))
+    for waits in range(SETTINGS.precondition_wait):
+        decision = policy.before(step, verdict, waits, ONCE, SETTINGS)
+        assert decision is not None
+        assert decision.kind is DecisionKind.LOOK_AGAIN
+    failed = policy.before(step, verdict, SETTINGS.precondition_wait, ONCE, SETTINGS)
+    assert failed == Decision(DecisionKind.REPLAN, "pick(a,p) cannot begin: at(a,p) does not hold", (at("a", "p"),))
+    given_up = policy.before(step, verdict, SETTINGS.precondition_wait, times(SETTINGS.max_retries + 2), SETTINGS)
+    assert given_up is not None
+    assert given_up.kind is DecisionKind.GIVE_UP_GOAL
+
+
+def test_an_unknown_precondition_is_never_taken_for_true() -> None:
+    step = replace(STEP, preconditions=Facts({held("a"): True, FREE: False}))
+    unknown = policy.before(step, Verdict(unknown=frozenset({held("a"), FREE})), 2, ONCE, SETTINGS)
+    assert unknown is not None
+    assert unknown.kind is DecisionKind.REPLAN
+    assert unknown.reason == "place(a,q) cannot begin: held(a) was never seen"
+    closed = policy.before(step, Verdict(holds=frozenset({held("a")}), unknown=frozenset({FREE})), 0, ONCE, SETTINGS)
+    assert closed is None, "what was planned from is false where nothing is known"
+
+
+def test_a_run_opens_with_all_that_can_be_seen() -> None:
+    everything = (at("a", "p"), FREE)
+    known = Facts({FREE: True})
+    assert policy.first(everything, Facts(dict.fromkeys(everything, True)), 1, SETTINGS).kind is DecisionKind.CONTINUE
+    assert policy.first(everything, known, 1, SETTINGS).kind is DecisionKind.LOOK_AGAIN
+    assert policy.first(everything, known, 4, SETTINGS).kind is DecisionKind.CONTINUE
+    assert policy.first(everything, Facts(), 4, SETTINGS).outcome is OutcomeKind.GAVE_UP
+    assert policy.first((), Facts(), 1, SETTINGS).kind is DecisionKind.CONTINUE
+
+
+def unplanned(
+    no_plan: NoPlan, times: int, unsure: tuple[Atom, ...] = (), doubts: tuple[Atom, ...] = (FREE,)
+) -> Decision:
+    return policy.unplanned(no_plan, times, Doubts(doubts, unsure), SETTINGS)
+
+
+@pytest.mark.parametrize("reason", [NoPlanReason.TIMED_OUT, NoPlanReason.CRASHED])
+def test_a_planner_that_failed_is_asked_once_more(reason: NoPlanReason) -> None:
+    again = unplanned(NoPlan(reason, "signal 11"), 1)
+    assert (again.kind, again.reason) == (
+        DecisionKind.REPLAN,
+        f"the planner answers {reason}: signal 11; asking once more",
+    )
+    assert unplanned(NoPlan(reason), 2).outcome is OutcomeKind.NO_PLAN
+
+
+def test_a_state_without_a_plan_is_doubted_before_the_goal_is() -> None:
+    unsolvable = NoPlan(NoPlanReason.UNSOLVABLE)
+    first = unplanned(unsolvable, 1, doubts=(at("a", "q"), FREE))
+    assert (first.kind, first.evidence) == (DecisionKind.LOOK_AGAIN, (at("a", "q"), FREE))
+    assert unplanned(unsolvable, 2).kind is DecisionKind.GIVE_UP_GOAL
+    assert unplanned(unsolvable, 1, doubts=()).outcome is OutcomeKind.NO_PLAN, "one that cannot look has no doubts"
+
+
+def test_what_is_not_sure_is_looked_at_as_often_as_allowed_before_a_goal_is_given_up() -> None:
+    unsolvable = NoPlan(NoPlanReason.UNSOLVABLE)
+    for times in range(2, SETTINGS.max_looks_again + 1):
+        decision = unplanned(unsolvable, times, unsure=(FREE,))
+        assert (decision.kind, decision.evidence) == (DecisionKind.LOOK_AGAIN, (FREE,))
+    assert unplanned(unsolvable, SETTINGS.max_looks_again + 1, unsure=(FREE,)).kind is DecisionKind.GIVE_UP_GOAL
+
+
+GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
+
+
+def test_success_is_a_goal_that_is_seen() -> None:
+    def finish(verdict: Verdict, checks: int = 1, unsure: tuple[Atom, ...] = ()) -> Decision:
+        return policy.finish(GOAL, verdict, unsure, checks, Dropped(Facts()), SETTINGS)
+
+    one, other = sorted(GOAL)
+    assert finish(Verdict(frozenset(GOAL))).outcome is OutcomeKind.GOAL_REACHED
+    wrong, unknown = (
+        Verdict(frozenset({one}), frozenset({other})),
+        Verdict(frozenset({one}), unknown=frozenset({other})),
+    )
+    assert finish(wrong).kind is finish(unknown).kind is DecisionKind.LOOK_AGAIN
+    assert finish(wrong, 2).kind is DecisionKind.REPLAN, "what is seen twice is believed"
+    assert finish(unknown, SETTINGS.max_looks_again).kind is DecisionKind.LOOK_AGAIN
+    unseen = finish(unknown, SETTINGS.max_looks_again + 1)
+    assert unseen.outcome is OutcomeKind.PARTIAL
+    assert unseen.reason == "the goal is believed to hold, but cannot tell at(b,r) in 4 looks"
+    assert finish(Verdict(unknown=frozenset(GOAL)), 4).outcome is OutcomeKind.GAVE_UP
+
+
+def test_what_was_given_up_is_tried_again_or_named() -> None:
+    verdict = Verdict(frozenset({at("a", "q")}))
+    kept, dropped = GOAL.only([at("a", "q")]), GOAL.only([at("b", "r")])
+    partial = policy.finish(kept, verdict, (), 1, Dropped(dropped, "b is out of reach"), SETTINGS)
+    assert partial.outcome is OutcomeKind.PARTIAL
+    assert partial.reason.endswith("at(b,r) was given up: b is out of reach")
+    for checks in range(1, SETTINGS.max_looks_again + 1):
+        doubted = policy.finish(kept, verdict, (FREE,), checks, Dropped(dropped, "b is out of reach"), SETTINGS)
+        assert (doubted.kind, doubted.evidence) == (DecisionKind.LOOK_AGAIN, (FREE,))
+    again = policy.finish(kept, verdict, (), 1, Dropped(dropped, "", Plan((), 0.0, "", 0.0)), SETTINGS)
+    assert again.kind is DecisionKind.REPLAN
+
+
+def test_giving_up_names_what_is_left() -> None:
+    cause = Decision(DecisionKind.GIVE_UP_GOAL, "pick(b,p) failed")
+    some = policy.given_up(cause, GOAL, GOAL.only([at("a", "q")]), is_stuck=True)
+    assert some.kind is DecisionKind.GIVE_UP_GOAL
+    assert some.reason == "pick(b,p) failed; giving up at(b,r), going for at(a,q)"
+    assert some.evidence == (at("b", "r"),)
+    assert policy.given_up(cause, GOAL, Facts(), is_stuck=True).outcome is OutcomeKind.GAVE_UP
+    assert policy.given_up(cause, GOAL, Facts(), is_stuck=False).outcome is OutcomeKind.NO_PLAN
+    assert policy.given_up(cause, GOAL, GOAL, is_stuck=False).kind is DecisionKind.REPLAN
+
+
+def solver(reachable: Callable[[frozenset[Atom]], bool], asked: list[Facts]) -> Callable[[Facts], Plan | None]:
+    def plan_for(goal: Facts) -> Plan | None:
+        asked.append(goal)
+        return Plan((), float(len(goal)), "", 0.0) if reachable(frozenset(goal)) else None
+
+    return plan_for
+
+
+literals = [at(thing, "p") for thing in "abcdef"]
+conflicts = st.lists(st.frozensets(st.sampled_from(literals), min_size=1, max_size=3), max_size=4)
+
+
+@given(conflicts, st.integers(1, 6))
+@example([frozenset({literals[0], literals[1]}), frozenset({literals[0], literals[2]})], 3)
+def test_the_part_that_is_kept_is_the_largest_that_can_be_reached(taboo: list[frozenset[Atom]], count: int) -> None:
+    """Goals conflict when they contain a taboo set: the general shape of what cannot be had together."""
+    goal = Facts(dict.fromkeys(literals[:count], True))
+
+    def reachable(chosen: frozenset[Atom]) -> bool:
+        return not any(conflict <= chosen for conflict in taboo)
+
+    asked: list[Facts] = []
+    kept, plan = policy.largest_reachable(goal, solver(reachable, asked), 64)
+    best = max(size for size in range(count + 1) if any(reachable(frozenset(c)) for c in combinations(goal, size)))
+    assert len(kept) == best
+    assert goal.entails(kept)
+    assert (plan is None) == (best == 0)
+    assert plan is None or plan.cost == len(kept), "the plan is the one for what is kept"
+    assert len(asked) <= 2 ** len(goal)
+
+
+@given(conflicts, st.integers(0, 5))
+def test_with_few_questions_allowed_what_is_kept_cannot_be_extended(taboo: list[frozenset[Atom]], most: int) -> None:
+    goal = Facts(dict.fromkeys(literals, True))
+
+    def reachable(chosen: frozenset[Atom]) -> bool:
+        return not any(conflict <= chosen for conflict in taboo)
+
+    asked: list[Facts] = []
+    kept, plan = policy.largest_reachable(goal, solver(reachable, asked), most)
+    assert reachable(frozenset(kept))
+    assert (plan is None) == (not kept)
+    for atom in goal.keys() - kept.keys():
+        assert not reachable(frozenset(kept) | {atom})
+    assert len(asked) <= 2 * len(goal) + most
+
+
+def test_each_budget_ends_the_run_by_its_name() -> None:
+    settings = Settings(max_cycles=3, max_actions=2, max_replans=1)
+    assert policy.exhausted(settings, cycles=2, actions=1, replans=0) is None
+    for used, name in (({"cycles": 3}, "3 cycles"), ({"actions": 2}, "2 actions"), ({"replans": 1}, "1 replans")):
+        stop = policy.exhausted(settings, **used)
+        assert stop is not None
+        assert stop.outcome is OutcomeKind.GAVE_UP
+        assert stop.reason == f"the budget of {name} is used up"
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"seed": -1}, {"max_retries": -1}, {"max_questions": 0}, {"guard_looks": -1}, {"sure": 1.5}]
+)
+def test_settings_refuse_nonsense(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        Settings(**wrong)

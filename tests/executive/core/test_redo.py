@@ -1,0 +1,177 @@
+"""What is never sure is made sure by doing it once more; what the hand feels counts; what was given up stays so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+
+from executive.belief import ErrorModel, SensorModel
+from executive.belief.action_model import FELT, MISSING, felt
+from executive.core.policy import Settings
+from executive.types import (
+    Atom,
+    Belief,
+    Decision,
+    DecisionKind,
+    Dispatched,
+    Facts,
+    Observation,
+    OutcomeKind,
+    SkillResult,
+    SkillStatus,
+)
+from tests.fakes import FLOOR, FREE, Answer, FakePlanner, ScriptedEstimator, Stage, Ticking, at, held, pick, put
+
+GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
+CARRIED = {"pick": ("held", (0,)), "place": ("held", (0,))}
+SHARP = SensorModel(other=ErrorModel(1e-3, 1e-3), alike=0.8, lasting=0.8)
+
+
+class Leaning(ScriptedEstimator):
+    """Takes a thing on r, across from q, for one on q, with the same doubt in every look."""
+
+    lean, there = 0.75, 0.2
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        belief = super().estimate(observation, atoms)
+        if self._world.past[observation.id]["a"] != "r":
+            return belief
+        told = {**belief.probability}
+        told |= {atom: value for atom, value in ((at("a", "q"), self.lean), (at("a", "r"), self.there)) if atom in told}
+        return Belief(belief.observation_id, told, belief.unanswered, belief.source)
+
+
+def across(**parts: object) -> Stage:
+    """A thing is put across the edge between q, where the goal has it, and r."""
+    made = Stage(GOAL, {"a": "p", "b": "p"}, script={2: "land quietly r"})
+    made.estimator = Leaning(made.world)
+    return made.weighing(eye=SHARP, **parts)
+
+
+def test_a_goal_that_is_never_sure_is_brought_about_once_more() -> None:
+    made = across()
+    ended = made.play()
+    assert (ended.outcome, ended.goal_seen, made.goal_true) == (OutcomeKind.GOAL_REACHED, True, True)
+    steps = [order.step for order in made.recorder.of(Dispatched)]
+    assert steps[-2:] == [pick("a", "r"), put("a", "q")]
+    (again,) = [each for each in made.recorder.of(Decision) if "done once more" in each.reason]
+    assert (again.kind, again.evidence) == (DecisionKind.REPLAN, (at("a", "q"),))
+    assert again.reason.endswith("as if at(a,r), free()")
+
+
+def test_it_is_done_once_more_only_once() -> None:
+    """Where doing it again leaves it as doubtful as before, the run says so and ends."""
+    made = across()
+    assert isinstance(made.estimator, Leaning)
+    made.estimator.lean = 0.6
+    made.skill.script = dict.fromkeys(range(2, 99, 2), "land quietly r")
+    ended = made.play()
+    assert (ended.outcome, ended.goal_seen) == (OutcomeKind.PARTIAL, False)
+    assert "cannot tell at(a,q)" in ended.reason
+    assert sum("done once more" in each.reason for each in made.recorder.of(Decision)) == 1
+
+
+def test_before_a_goal_is_given_up_it_is_tried_where_the_thing_may_be() -> None:
+    """It is dropped where it can hardly be told, and no plan leads on from not knowing where it is."""
+    made = across()
+    assert isinstance(made.estimator, Leaning)
+    made.estimator.lean, made.estimator.there = 0.02, 0.2
+    ended = made.play()
+    assert (ended.outcome, ended.goal_seen, made.goal_true) == (OutcomeKind.GOAL_REACHED, True, True)
+    hunches = [each for each in made.recorder.of(Decision) if "it is tried as if" in each.reason]
+    assert {(each.kind, each.evidence) for each in hunches} == {(DecisionKind.REPLAN, (at("a", "r"),))}
+    assert pick("a", "r") in [order.step for order in made.recorder.of(Dispatched)]
+
+
+def test_a_hunch_that_is_wrong_is_not_followed_for_ever() -> None:
+    made = across()
+    made.skill.script = {2: "land quietly floor"}
+    made.estimator = ScriptedEstimator(made.world, {look: {at("a", "r"): 0.2} for look in range(3, 99)})
+    ended = made.play()
+    assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("at(a,q)",))
+    assert 1 <= sum("it is tried as if" in each.reason for each in made.recorder.of(Decision)) <= 2
+    reports = [each for each in made.recorder.of(SkillResult) if each.step == pick("a", "r")]
+    assert {each.status for each in reports} == {SkillStatus.NOT_THERE}
+
+
+def nowhere_for_sure(settings: Settings) -> Stage:
+    """It may be in any of eleven places, and there is no plan from any of them."""
+    places = tuple("pqrstuvwxyz")
+    everywhere: dict[Atom, Answer] = {at("a", place): 0.2 for place in places}
+    made = Stage(Facts({at("a", "z"): True}), {"a": FLOOR}, places, always=everywhere, settings=settings).weighing()
+    made.planner = FakePlanner([])
+    return made
+
+
+def supposed(made: Stage) -> int:
+    """How often the planner was asked from a state in which the thing is somewhere."""
+    return sum(any(atom.predicate == "at" for atom in state.true) for state, _ in made.planner.asked)
+
+
+@pytest.mark.parametrize("most", [0, 3, 64])
+def test_so_many_hunches_are_followed_up_and_no_more(most: int) -> None:
+    made = nowhere_for_sure(Settings(max_goal_plans=most))
+    assert made.play().outcome is OutcomeKind.NO_PLAN
+    assert supposed(made) == min(most, 10), "in one of them the goal would hold already"
+
+
+def test_hunches_keep_to_the_time_that_the_run_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, clock = nowhere_for_sure(Settings(max_seconds=6.0)), Ticking()
+    monkeypatch.setattr(made.planner, "plan", clock.second(made.planner.plan))
+    monkeypatch.setattr("executive.core.session.time.monotonic", clock)
+    ended = made.play()
+    assert (ended.outcome, ended.reason) == (OutcomeKind.GAVE_UP, "the budget of 6 seconds is used up")
+    assert (clock.now, len(made.planner.asked)) == (6.0, 6)
+    assert 0 < supposed(made) < 10
+
+
+def test_what_is_seen_not_to_be_anywhere_is_no_reason_to_try() -> None:
+    made = across()
+    made.skill.script = {2: "land quietly floor"}
+    made.estimator = ScriptedEstimator(made.world)
+    ended = made.play()
+    assert ended.outcome is OutcomeKind.PARTIAL
+    assert not any("it is tried as if" in each.reason for each in made.recorder.of(Decision))
+
+
+def test_nothing_is_done_again_for_what_the_looks_do_not_speak_of() -> None:
+    """Not to see a thing at all is no reason to move it."""
+    made = Stage(GOAL, {"a": "p", "b": "p"}, always={at("a", "q"): None}).weighing(eye=SHARP)
+    ended = made.play()
+    assert not ended.goal_seen
+    assert not any("done once more" in each.reason for each in made.recorder.of(Decision))
+
+
+def test_the_hand_is_asked_before_an_eye_that_takes_the_thing_for_held() -> None:
+    """The eye sees it held, the fingers feel nothing, and the place that was meant to follow finds nothing to place."""
+    step = put("a", "q")
+    empty = SkillResult(step, SkillStatus.NO_PATH, holding=False)
+    beliefs = {}
+    for carried in ({}, CARRIED):
+        monitor = Stage(GOAL, {"a": "p", "b": "p"}).weighing(eye=SHARP, carried=carried).monitor
+        memory = monitor.begin()
+        lifted = {atom: float(atom == held("a") or atom == at("b", "p")) for atom in (*monitor.network.atoms,)}  # type: ignore[attr-defined]
+        memory, _ = monitor.looked(memory, Belief(0, lifted), 0)
+        memory = monitor.acted(memory, step, empty)
+        wrong = {**lifted, held("a"): 0.9, FREE: 0.6, at("a", "p"): 0.4}
+        _, judgement = monitor.looked(memory, Belief(1, wrong), 1)
+        beliefs[bool(carried)] = judgement.probability[held("a")]
+    assert beliefs[True] < 0.5 < 0.9 < beliefs[False]
+
+
+def test_a_full_hand_holds_the_thing_only_where_the_skill_got_it() -> None:
+    step = pick("a", "p")
+    assert felt(CARRIED, step, SkillResult(step, SkillStatus.DONE, holding=True)) == {held("a"): FELT}
+    assert felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, holding=False)) == {held("a"): -FELT}
+    assert not felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, "full", holding=True))
+    assert not felt(CARRIED, step, SkillResult(step, SkillStatus.DONE))
+    assert not felt({}, step, SkillResult(step, SkillStatus.DONE, holding=True))
+
+
+def test_what_a_skill_does_not_find_where_it_should_be_is_not_there() -> None:
+    step = pick("a", "p")
+    missing = SkillResult(step, SkillStatus.NOT_THERE, holding=False)
+    assert felt(CARRIED, step, missing) == {at("a", "p"): -MISSING, held("a"): -FELT}
+    assert felt({}, step, missing) == {at("a", "p"): -MISSING}
+    assert felt(CARRIED, put("a", "q"), SkillResult(put("a", "q"), SkillStatus.NOT_THERE)) == {held("a"): -MISSING}

@@ -1,0 +1,460 @@
+"""Budgets, parts that hang, disks that are full: each ends by name, with the record whole."""
+
+from __future__ import annotations
+
+import errno
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.cli.app import ctrl_c
+from executive.core.loop import Executive
+from executive.core.policy import Settings
+from executive.core.time_limits import punctual_estimator, punctual_planner, punctual_preparing, punctual_skills
+from executive.errors import InputError
+from executive.protocols import Asking, Sink, SkillContext, Tell
+from executive.trace.record.log import EVENTS_FILE, EventLog, read_events
+from executive.trace.record.snapshots import Snapshots
+from executive.types import (
+    Atom,
+    Belief,
+    Ended,
+    Event,
+    Facts,
+    NoPlan,
+    NoPlanReason,
+    Observation,
+    OutcomeKind,
+    Phase,
+    Plan,
+    Questions,
+    SkillResult,
+    SkillStatus,
+    Step,
+)
+from executive.util import timeout
+from executive.util.timeout import LateError, undisturbed, within
+from tests.fakes import FakeWorld, Stage, at, pick
+
+SOON = 0.05
+
+
+def forever() -> None:
+    while True:
+        try:
+            sum(range(100))
+        except Exception:
+            continue
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timeout, "_AGAIN", 0.02)
+
+
+# Work that is ended.
+
+
+def test_what_is_done_in_time_is_returned_and_what_it_raises_is_raised() -> None:
+    assert within(60.0, lambda: "done") == "done"
+    with pytest.raises(ZeroDivisionError):
+        within(60.0, lambda: 1 // 0)
+    assert timeout._alarms == []
+
+
+@pytest.mark.parametrize("work", [forever, lambda: time.sleep(1000), lambda: threading.Event().wait(1000)])
+def test_what_is_not_is_ended_wherever_it_is(work: Callable[[], object]) -> None:
+    with pytest.raises(LateError, match=r"more than 0\.05 s"):
+        within(SOON, work)
+    assert timeout._alarms == []
+    time.sleep(2 * SOON)  # nothing goes off later
+
+
+def test_the_processes_that_it_has_started_end_with_it() -> None:
+    started: list[subprocess.Popen[bytes]] = []
+
+    def work() -> None:
+        started.append(subprocess.Popen(["sh", "-c", "sleep 1000 & sleep 1000"]))
+        started[0].wait()
+
+    others = timeout._children()  # of tests before this one
+    bystander = subprocess.Popen(["sleep", "1000"])
+    try:
+        with pytest.raises(LateError):
+            within(0.5, work)
+        assert started[0].wait() != 0
+        assert timeout._children() - others == {bystander.pid}, "all of its own, and nobody else's"
+    finally:
+        bystander.kill()
+        bystander.wait()
+
+
+def test_of_two_within_each_other_the_one_whose_time_is_up_ends() -> None:
+    def inner_is_late() -> str:
+        with pytest.raises(LateError):
+            within(SOON, forever)
+        return "outer goes on"
+
+    assert within(60.0, inner_is_late) == "outer goes on"
+    with pytest.raises(LateError, match=r"0\.05 s"):
+        within(SOON, lambda: within(60.0, forever))
+    assert timeout._alarms == []
+
+
+def test_what_has_to_be_whole_is_not_interrupted() -> None:
+    told: list[str] = []
+
+    def work() -> None:
+        with undisturbed():
+            until = time.monotonic() + 3 * SOON
+            while time.monotonic() < until:
+                told.append("") if not told else None
+            told.append("whole")
+        forever()
+
+    with pytest.raises(LateError):
+        within(SOON, work)
+    assert told[-1] == "whole"
+
+
+def test_in_another_thread_nothing_is_interrupted() -> None:
+    found: list[str] = []
+
+    def work() -> str:
+        time.sleep(SOON)
+        return "done"
+
+    thread = threading.Thread(target=lambda: found.append(within(0.01, work)))
+    thread.start()
+    thread.join()
+    assert found == ["done"]
+
+
+def test_ctrl_c_is_still_ctrl_c() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        within(60.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+    assert timeout._alarms == []
+
+
+# Parts.
+
+
+class Hanging:
+    """An estimator and a planner that never answer."""
+
+    name = "hanging"
+    questions = Questions({at("a", "p"): "Is a on p?"}, "", "templates")
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        forever()
+        raise AssertionError
+
+    def plan(
+        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+    ) -> Plan | NoPlan:
+        forever()
+        raise AssertionError
+
+
+def test_an_estimator_that_hangs_has_no_answer_and_says_why() -> None:
+    eye = punctual_estimator(Hanging(), SOON)
+    assert isinstance(eye, Asking)
+    assert eye.questions is Hanging.questions
+    observation = Observation(4, 0.0, {"front": np.zeros((2, 2, 3), np.uint8)}, np.zeros(1))
+    belief = eye.estimate(observation, [at("a", "p"), at("a", "q")])
+    assert belief.unanswered == {at("a", "p"), at("a", "q")}
+    assert (belief.observation_id, belief.source, dict(belief.probability)) == (4, "hanging", {})
+    assert {answer.error for answers in belief.evidence.values() for answer in answers} == {
+        "no answer: it took more than 0.05 s"
+    }
+
+
+def test_a_planner_that_hangs_has_timed_out() -> None:
+    answer = punctual_planner(Hanging(), SOON).plan(Facts(), Facts())
+    assert isinstance(answer, NoPlan)
+    assert answer.reason is NoPlanReason.TIMED_OUT
+
+
+def test_a_skill_that_hangs_is_asked_first_and_then_ended() -> None:
+    step = pick("a", "p")
+
+    def polite(step: Step, context: SkillContext) -> SkillResult:
+        while not context.cancelled():
+            time.sleep(0.001)
+        return SkillResult(step, SkillStatus.CANCELLED, "cancelled", 1.5)
+
+    def deaf(step: Step, context: SkillContext) -> SkillResult:
+        forever()
+        raise AssertionError
+
+    def quick(step: Step, context: SkillContext) -> SkillResult:
+        return SkillResult(step, SkillStatus.DONE)
+
+    cancelled = False
+    context = SkillContext(None, np.random.default_rng(0), lambda _: None, lambda: cancelled)
+    skills = punctual_skills({"polite": polite, "deaf": deaf, "quick": quick}, SOON, grace=SOON)
+    asked, ended, done = (skills[name](step, context) for name in ("polite", "deaf", "quick"))
+    assert (asked.status, asked.reason) == (SkillStatus.TIMED_OUT, "it was asked to stop after 0.05 s")
+    assert asked.seconds == 1.5
+    assert ended.status is SkillStatus.TIMED_OUT
+    assert "did not stop when asked to" in ended.reason
+    assert done.status is SkillStatus.DONE
+    cancelled = True
+    assert skills["polite"](step, context).status is SkillStatus.CANCELLED, "the run is, not the skill"
+
+
+def test_a_run_whose_skill_hangs_ends_by_name() -> None:
+    stage = Stage(Facts({at("a", "q"): True}), {"a": "p"}, settings=Settings(max_failures=2))
+    count = 0
+
+    def hanging(step: Step, context: SkillContext) -> SkillResult:
+        nonlocal count
+        count += 1
+        context.announce(Phase("approach"))
+        forever()
+        raise AssertionError
+
+    skills = punctual_skills({"pick": hanging, "place": stage.skill}, SOON, grace=0.0)
+    executive = Executive(
+        stage.task, stage.planner, stage.world, skills, stage.estimator, [stage.recorder], stage.settings
+    )
+    ended = executive.run()
+    assert ended.outcome is OutcomeKind.GAVE_UP
+    results = stage.recorder.of(SkillResult)
+    assert [result.status for result in results] == [SkillStatus.TIMED_OUT] * count
+    assert "did not stop when asked to" in ended.reason
+    assert isinstance(stage.recorder.events[-1].payload, Ended)
+
+
+# Budgets.
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        (Settings(max_looks=3), "the budget of 3 looks is used up"),
+        (Settings(max_cycles=2), "the budget of 2 cycles is used up"),
+        (Settings(max_actions=1), "the budget of 1 actions is used up"),
+        (Settings(max_seconds=0.0), "the budget of 0 seconds is used up"),
+    ],
+)
+def test_a_budget_that_is_used_up_ends_the_run(settings: Settings, reason: str) -> None:
+    stage = Stage(Facts({at("a", "q"): True, at("b", "q"): True}), {"a": "p", "b": "p"}, settings=settings)
+    ended = stage.play()
+    assert (ended.outcome, ended.reason) == (OutcomeKind.GAVE_UP, reason)
+
+
+# The record.
+
+
+class Disk:
+    """A disk with room for so many bytes. What is in a run's folder counts, and so does the room that is kept."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, folder: Path, room: int, error: int = errno.ENOSPC) -> None:
+        self._folder, self.room, self._error = folder, room, error
+        write, write_bytes = os.write, Path.write_bytes
+
+        def limited_write(file: int, data: bytes) -> int:
+            fits = max(0, min(len(data), self._left()))
+            if fits < len(data):
+                write(file, data[:fits])  # as a disk does
+                if not fits:
+                    self._refuse()
+                return fits
+            return write(file, data)
+
+        def limited_write_bytes(path: Path, data: bytes) -> int:
+            if len(data) > self._left():
+                write_bytes(path, data[: max(0, self._left())])
+                self._refuse()
+            return write_bytes(path, data)
+
+        patch.setattr(os, "write", limited_write)
+        patch.setattr(Path, "write_bytes", limited_write_bytes)
+        patch.setattr(
+            "executive.trace.record.snapshots.write_whole", lambda path, data, lasting: limited_write_bytes(path, data)
+        )
+
+    def _left(self) -> int:
+        files = (path for path in self._folder.rglob("*") if path.is_file())
+        return self.room - sum(path.stat().st_size for path in files)
+
+    def _refuse(self) -> None:
+        raise OSError(self._error, os.strerror(self._error))
+
+
+def picture(world: FakeWorld) -> Any:
+    return np.random.default_rng(list(str(world.where).encode())).integers(0, 256, (16, 16, 3), dtype=np.uint8)
+
+
+def recorded_run(folder: Path) -> tuple[Ended, list[Event]]:
+    stage = Stage(Facts({at("a", "q"): True, at("b", "r"): True}), {"a": "p", "b": "p"})
+    stage.world.cameras = {"front": picture}
+    made: list[Executive] = []
+
+    def failed(why: str) -> None:
+        made[0].cancel(why)
+
+    sinks: list[Sink] = [Snapshots(folder, stage.world, failed), EventLog(folder, failed), stage.recorder]
+    skills = {"pick": stage.skill, "place": stage.skill}
+    made.append(Executive(stage.task, stage.planner, stage.world, skills, stage.estimator, sinks))
+    return made[0].run(), list(read_events(folder))
+
+
+ROOM = 1 << 18
+
+
+@pytest.mark.parametrize("room", [1_500, 3_000, 5_000, 7_000, 9_000, 12_000, 16_000, 20_000])
+def test_a_full_disk_ends_the_run_and_the_record_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    Disk(monkeypatch, tmp_path, ROOM + room)
+    ended, events = recorded_run(tmp_path)
+    assert ended.outcome is OutcomeKind.INTERRUPTED
+    assert "No space left on device" in ended.reason
+    assert events[-1].payload == ended
+    assert not (tmp_path / ".room").exists()
+
+
+def test_with_room_for_all_of_it_nothing_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Disk(monkeypatch, tmp_path, ROOM + 10_000_000)
+    ended, events = recorded_run(tmp_path)
+    assert (ended.outcome, events[-1].payload) == (OutcomeKind.GOAL_REACHED, ended)
+    assert not (tmp_path / ".room").exists()
+
+
+def test_a_disk_that_is_lost_for_good_leaves_whole_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = Disk(monkeypatch, tmp_path, ROOM + 9_000, errno.EROFS)
+    unlink = Path.unlink
+
+    def lost(path: Path, missing_ok: bool = False) -> None:
+        disk.room -= ROOM  # what is given back is gone, too
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", lost)
+    ended, events = recorded_run(tmp_path)
+    assert ended.outcome is OutcomeKind.INTERRUPTED
+    assert "Read-only file system" in ended.reason
+    assert events
+    assert (tmp_path / EVENTS_FILE).read_bytes().endswith(b"\n")
+
+
+def test_a_folder_that_cannot_be_written_is_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", refuse)
+        with pytest.raises(InputError, match=r"cannot be written \(Permission denied\)"):
+            EventLog(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "posix_fallocate", refuse)
+        with pytest.raises(InputError, match=r"cannot be written \(Permission denied\)"):
+            EventLog(tmp_path)
+    EventLog(tmp_path).close()
+
+
+# Orders from outside.
+
+
+@pytest.fixture
+def handlers() -> Iterator[None]:
+    """Each order does what it does in a terminal, whoever started the tests (nohup has SIGHUP ignored)."""
+    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    for each in before:
+        signal.signal(each, signal.default_int_handler if each is signal.SIGINT else signal.SIG_DFL)
+    yield
+    for each, handler in before.items():
+        signal.signal(each, handler)
+
+
+@pytest.mark.parametrize("order", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_asked_to_end_the_run_is_cancelled_and_then_left(order: signal.Signals, handlers: None) -> None:
+    cancelled: list[int] = []
+    before = signal.getsignal(order)
+    with ctrl_c(lambda: cancelled.append(1)) as interrupted:
+        os.kill(os.getpid(), order)
+        assert cancelled == [1]
+        assert interrupted.code == 128 + order
+        with pytest.raises(KeyboardInterrupt if order is signal.SIGINT else SystemExit) as again:
+            os.kill(os.getpid(), order)
+        assert again.value.args == (() if order is signal.SIGINT else (128 + order,))
+    assert signal.getsignal(order) is before
+
+
+def test_nohup_is_nohup(handlers: None) -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    cancelled: list[int] = []
+    with ctrl_c(lambda: cancelled.append(1)):
+        os.kill(os.getpid(), signal.SIGHUP)
+    assert cancelled == []
+
+
+BUSY = """
+import hashlib, sys, time
+from executive.cli.app import ctrl_c
+def cancel(): print("cancelled", flush=True)
+with ctrl_c(cancel, float(sys.argv[1])) as interrupted:
+    print("busy", flush=True)
+    if sys.argv[2] == "stuck":  # in C, where no handler of Python's is called
+        hashlib.pbkdf2_hmac("sha256", b"", b"", 2_000_000_000)
+    time.sleep(600) if sys.argv[2] == "deaf" else time.sleep(0.2)
+sys.exit(interrupted.code)
+"""
+
+
+@pytest.mark.parametrize("order", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("way", ["stuck", "deaf"])
+def test_long_work_that_is_told_to_end_says_so_and_is_left_wherever_it_is(way: str, order: signal.Signals) -> None:
+    command = [sys.executable, "-c", BUSY, "0.5", way]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "busy\n"
+        process.send_signal(order)
+        assert process.stderr.readline().startswith("stopping; what is finished is kept")
+        assert process.stderr.readline().startswith("left in the middle of something")
+        assert process.wait(60) == 128 + order
+
+
+def test_long_work_that_comes_to_rest_is_not_left_in_the_middle() -> None:
+    command = [sys.executable, "-c", BUSY, "600", "polite"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "busy\n"
+        process.send_signal(signal.SIGTERM)
+        printed, told = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert printed == "cancelled\n"
+    assert told == "stopping; what is finished is kept (once more to leave at once)\n"
+
+
+def test_other_signals_are_no_orders(handlers: None) -> None:
+    before = signal.signal(signal.SIGUSR1, lambda number, frame: None)
+    try:
+        with ctrl_c(lambda: pytest.fail("nobody asked for that"), 0.0):
+            os.kill(os.getpid(), signal.SIGUSR1)
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+
+
+def test_what_is_made_ready_outlasts_no_run() -> None:
+    class Endless:
+        def prepare(self, tell: Tell) -> None:
+            tell("the check")
+            forever()
+
+    told: list[str] = []
+    (part,) = punctual_preparing([Endless()], lambda: SOON)
+    part.prepare(told.append)
+    assert told == ["the check"]

@@ -1,0 +1,209 @@
+"""Every mistake in a PDDL file is answered in one line that names the file, the line and what would have been right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from executive.domain.pddl import MOST_ATOMS, Schema, read_task
+from executive.errors import DomainError
+from executive.types import Facts
+
+DOMAIN = """(define (domain grocery)
+  (:requirements :strips :typing)
+  (:types item table)
+  (:predicates
+    (on-table ?item - item ?table - table)
+    (robot-gripping ?item - item)
+    (robot-gripper-empty))
+  (:action pick
+    :parameters (?item - item ?table - table)
+    :precondition (and (on-table ?item ?table) (robot-gripper-empty))
+    :effect (and (robot-gripping ?item) (not (on-table ?item ?table)) (not (robot-gripper-empty)))))
+"""
+PROBLEM = """(define (problem lunch)
+  (:domain grocery)
+  (:objects lemon bread - item
+            wood-table - table)
+  (:init (robot-gripper-empty))
+  (:goal (and (on-table lemon wood-table)
+              (on-table bread wood-table))))
+"""
+PRE = ":precondition (and (on-table ?item ?table) (robot-gripper-empty))"
+EFFECT = ":effect (and (robot-gripping ?item) (not (on-table ?item ?table)) (not (robot-gripper-empty)))"
+GOAL = "(and (on-table lemon wood-table)\n              (on-table bread wood-table))"
+
+
+def read(folder: Path, domain: str = DOMAIN, problem: str = PROBLEM) -> Schema:
+    (folder / "d.pddl").write_text(domain)
+    (folder / "p.pddl").write_text(problem)
+    return read_task(folder / "d.pddl", folder / "p.pddl")
+
+
+# What is replaced, by what, on which line the mistake is then found, and what is said of it.
+# fmt: off
+IN_DOMAIN = {
+    "not closed": ("(robot-gripper-empty)))))", "(robot-gripper-empty))))", 1, "'(' that is never closed"),
+    "not closed in the middle": (
+        "(robot-gripper-empty))\n  (:a", "(robot-gripper-empty)\n  (:a", 4, "before the next section, on line 8",
+    ),
+    "closed twice": ("(robot-gripper-empty)))))", "(robot-gripper-empty))))))", 11, "')' without its '('"),
+    "two definitions": ("(define", "(define (domain a)) (define", 1, "after the end of the definition"),
+    "no definition": (
+        "(define (domain grocery)", "(hello (domain grocery)", 1, "expected (define (domain <name>) ...)",
+    ),
+    "swapped files": ("(define (domain grocery)", "(define (problem grocery)", 1, "expected (define (domain <name>)"),
+    "unknown section": (":predicates", ":predikates", 4, "unknown section (:predikates"),
+    "section twice": ("(:types item table)", "(:types item table) (:types a)", 3, "a second :types"),
+    "unknown requirement": (":typing", ":types", 2, "unknown requirement :types; did you mean ':typing'"),
+    "unknown type of a predicate": ("(robot-gripping ?item - item)", "(robot-gripping ?item - itm)", 6, "mean 'item'?"),
+    "unknown type of a parameter": (
+        "(?item - item ?table - table)\n    :pre", "(?item - i)\n    :pre", 9, "unknown type i;",
+    ),
+    "a type of its own descent": (
+        "(:types item table)", "(:types item - table table - item)", 3, "descends from itself",
+    ),
+    "type twice": ("(:types item table)", "(:types item item table)", 3, "item is declared twice"),
+    "a dash with nothing behind": ("(:types item table)", "(:types item - )", 3, "a type behind it"),
+    "a union of types": (
+        "?table - table)\n    (robot", "?table - (either item table))\n    (robot", 5, "a union of types",
+    ),
+    "predicate twice": (
+        "(robot-gripper-empty))\n  (:a", "(robot-gripper-empty) (robot-gripper-empty))\n  (:a", 7, "twice",
+    ),
+    "a number for a predicate": ("(robot-gripping ?item - item)", "17", 6, "17 cannot be a predicate"),
+    "a reserved name": ("(robot-gripping ?item - item)", "(not ?item - item)", 6, "not cannot be a predicate"),
+    "parameter without ?": ("(robot-gripping ?item - item)", "(robot-gripping item)", 6, "begins with '?'"),
+    "action without a name": (":action pick", ":action", 9, "cannot be an action's name"),
+    "action twice": (
+        "  (:action pick", "  (:action pick :effect (robot-gripper-empty))\n(:action pick", 9, "pick is declared twice",
+    ),
+    "parameter twice": (
+        "(?item - item ?table - table)\n    :pre", "(?item - item ?item - table)\n    :pre", 9, "declared twice",
+    ),
+    "unknown key of an action": (":precondition", ":preconditions", 10, "did you mean ':precondition'?"),
+    "key without a value": (EFFECT, ":effect", 11, "expected one bracketed list after :effect"),
+    "no effect": (EFFECT, "", 8, "pick has no :effect"),
+    "unknown predicate": (
+        "(not (robot-gripper-empty))", "(not (robot-griper-empty))", 11, "mean 'robot-gripper-empty'?",
+    ),
+    "a predicate without brackets": (PRE, ":precondition (and robot-gripper-empty)", 10, "(robot-gripper-empty)"),
+    "wrong number of arguments": ("(and (on-table ?item ?table)", "(and (on-table ?item)", 10, "(on-table item table)"),
+    "wrong type of an argument": ("(and (on-table ?item ?table)", "(and (on-table ?table ?table)", 10, "expected item"),
+    "unknown variable": ("(and (on-table ?item ?table)", "(and (on-table ?itm ?table)", 10, "did you mean '?item'?"),
+    "unknown constant": ("(and (on-table ?item ?table)", "(and (on-table lemon ?table)", 10, "unknown object lemon"),
+    "adds and deletes": ("(robot-gripping ?item) (not", "(on-table ?item ?table) (not", 11, "both adds and deletes"),
+    "= in an effect": ("(robot-gripping ?item) (not", "(= ?item ?item) (not", 11, "= is not supported here"),
+    "not of two": ("(not (robot-gripper-empty))", "(not (robot-gripper-empty) (robot-gripper-empty))", 11, "takes one"),
+    "not of nothing": ("(not (robot-gripper-empty))", "(not ())", 11, "can never hold"),
+    "a list for a predicate": (PRE, ":precondition ((robot-gripper-empty))", 10, "unknown predicate"),
+    # Scenario 22: what is not judged right is refused by name.
+    "or": (
+        PRE, ":precondition (or (robot-gripper-empty) (on-table ?item ?table))", 10, "pick: :precondition: or is not",
+    ),
+    "imply": (PRE, ":precondition (imply (robot-gripper-empty) (robot-gripper-empty))", 10, "an implication"),
+    "exists": (PRE, ":precondition (exists (?t - table) (on-table ?item ?t))", 10, "an existential condition"),
+    "not and": (PRE, ":precondition (not (and (robot-gripper-empty)))", 10, "it is a disjunction"),
+    "not forall": (PRE, ":precondition (not (forall (?t - table) (on-table ?item ?t)))", 10, "it is a disjunction"),
+    "when": (EFFECT, ":effect (when (robot-gripper-empty) (robot-gripping ?item))", 11, "a conditional effect"),
+    "increase": (
+        EFFECT, ":effect (increase (total-cost) 1)", 11, "pick: :effect: increase is not supported: a numeric effect",
+    ),
+    "comparison": (PRE, ":precondition (>= (weight ?item) 2)", 10, "arithmetic"),
+    "= of numbers": (PRE, ":precondition (= (weight ?item) 2)", 10, "= compares two objects"),
+    "functions": ("(:types item table)", "(:types item table) (:functions (total-cost))", 3, "numeric fluents"),
+    "derived": ("  (:action", "  (:derived (a) (robot-gripper-empty))\n(:action", 8, "derived predicates"),
+    "durative": (":action pick", ":durative-action pick", 8, "actions that take time"),
+}
+IN_PROBLEM = {
+    "not closed": ("bread wood-table))))", "bread wood-table)))", 1, "never closed"),
+    "another domain": ("(:domain grocery)", "(:domain blocks)", 2, "is for domain blocks, and d.pddl defines grocery"),
+    "no domain": ("(:domain grocery)", "", 1, "expected (:domain <name>)"),
+    "unknown type": ("wood-table - table", "wood-table - tabel", 4, "unknown type tabel; did you mean 'table'?"),
+    "object twice": ("lemon bread - item", "lemon lemon - item", 3, "object lemon is declared twice"),
+    "no objects": ("(:objects lemon bread - item\n            wood-table - table)", "", 1, "there are no objects"),
+    "unknown object": ("(on-table bread wood-table)", "(on-table bred wood-table)", 7, "did you mean 'bread'?"),
+    "unknown object in :init": ("(:init ", "(:init (on-table bred wood-table) ", 5, "did you mean 'bread'?"),
+    "unknown predicate": ("(on-table bread wood-table)", "(on-tabel bread wood-table)", 7, "did you mean 'on-table'?"),
+    "wrong number": ("(on-table bread wood-table)", "(on-table bread)", 7, "does not fit"),
+    "wrong type": ("(on-table bread wood-table)", "(on-table wood-table bread)", 7, "is of type table, expected item"),
+    "a variable": ("(on-table bread wood-table)", "(on-table ?x wood-table)", 7, "unknown variable ?x"),
+    "no goal": (f"(:goal {GOAL})", "", 1, "expected (:goal <condition>)"),
+    "empty goal": (GOAL, "(and)", 6, ":goal asks for nothing"),
+    "contradiction": ("(on-table bread wood-table)", "(not (on-table lemon wood-table))", 6, "and for its opposite"),
+    "either or": ("(and (on-table lemon", "(or (on-table lemon", 6, ":goal: or is not supported: a disjunction"),
+    "= in the goal": ("(on-table bread wood-table)", "(= bread bread)", 7, "only preconditions compare"),
+    "a number in :init": ("(:init ", "(:init (= (weight lemon) 3) ", 5, "numeric fluents"),
+    "metric": ("(:goal", "(:metric minimize (total-cost)) (:goal", 6, "every action costs one"),
+    "constraints": ("(:goal", "(:constraints (and)) (:goal", 6, "trajectory constraints"),
+}
+# fmt: on
+
+
+def said(folder: Path, domain: str, problem: str) -> str:
+    with pytest.raises(DomainError) as caught:
+        read(folder, domain, problem)
+    return str(caught.value).removeprefix(f"{folder}/")
+
+
+@pytest.mark.parametrize(("old", "new", "line", "words"), IN_DOMAIN.values(), ids=IN_DOMAIN)
+def test_a_mistake_in_the_domain_is_named(tmp_path: Path, old: str, new: str, line: int, words: str) -> None:
+    assert DOMAIN.count(old) == 1
+    message = said(tmp_path, DOMAIN.replace(old, new), PROBLEM)
+    assert message.startswith(f"d.pddl: line {line}: ")
+    assert words in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(("old", "new", "line", "words"), IN_PROBLEM.values(), ids=IN_PROBLEM)
+def test_a_mistake_in_the_problem_is_named(tmp_path: Path, old: str, new: str, line: int, words: str) -> None:
+    assert PROBLEM.count(old) == 1
+    message = said(tmp_path, DOMAIN, PROBLEM.replace(old, new))
+    assert message.startswith(f"p.pddl: line {line}: ")
+    assert words in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    "text", ["", " ; only a comment\n", "hello", "()", "(" * 100_000, "(define ((((a", "\x00\x1b[31m("]
+)
+def test_what_is_no_pddl_at_all_is_one_line_too(tmp_path: Path, text: str) -> None:
+    for message in (said(tmp_path, text, PROBLEM), said(tmp_path, DOMAIN, text)):
+        assert message.isprintable()
+
+
+def test_bytes_that_are_no_text_and_missing_files_are_named(tmp_path: Path) -> None:
+    read(tmp_path)
+    (tmp_path / "p.pddl").write_bytes(b"(define \xff")
+    with pytest.raises(DomainError, match=r"p\.pddl: is not UTF-8"):
+        read_task(tmp_path / "d.pddl", tmp_path / "p.pddl")
+    with pytest.raises(DomainError, match=r"q\.pddl: there is no such file"):
+        read_task(tmp_path / "d.pddl", tmp_path / "q.pddl")
+
+
+def test_a_task_too_large_to_be_looked_at_is_refused(tmp_path: Path) -> None:
+    many = " ".join(f"i{number}" for number in range(MOST_ATOMS))
+    assert f"more than {MOST_ATOMS} atoms" in said(
+        tmp_path, DOMAIN, PROBLEM.replace("lemon bread", f"lemon bread {many}")
+    )
+    nested = "(forall (?a ?b ?c ?d ?e - object) (robot-gripper-empty))"
+    few = " ".join(f"i{number}" for number in range(40))
+    domain = DOMAIN.replace(PRE, f":precondition {nested}")
+    assert "conditions once written out" in said(tmp_path, domain, PROBLEM.replace("lemon bread", f"lemon bread {few}"))
+
+
+def test_case_order_of_sections_and_missing_parts_do_not_matter(tmp_path: Path) -> None:
+    plain = read(tmp_path)
+    shouting = read(tmp_path, DOMAIN.upper(), PROBLEM.upper())
+    assert shouting.task == plain.task
+    assert shouting.actions == plain.actions
+    lines = PROBLEM.splitlines()
+    moved = "\n".join([lines[0], lines[4], lines[2], lines[3], lines[1], *lines[5:]])
+    assert read(tmp_path, problem=moved).task == plain.task
+    predicates, action = "(:predicates (on-table ?a ?b))", "(:action f :effect (on-table lemon lemon))"
+    bare = f"(define (domain grocery) {predicates} {action} (:constants lemon))"
+    untyped = "(define (problem p) (:domain grocery) (:goal (on-table lemon lemon)))"
+    schema = read(tmp_path, bare, untyped)
+    assert schema.task.objects == {"lemon": "object"}
+    assert schema.ground("f", ()).preconditions == Facts()

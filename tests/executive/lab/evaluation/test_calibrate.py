@@ -1,0 +1,99 @@
+"""From evaluations to a file of trust, on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executive.app.sensor_fit import FILE, load
+from executive.cli import BAD_INPUT, exit_code
+from executive.domain.loader import load_domain
+from executive.lab.evaluation import store
+from executive.lab.evaluation.evaluate import Evaluation
+from executive.lab.evaluation.metrics import Answers
+from executive.s3e.calibration import Calibration
+from executive.types import Atom
+from tests.executive.sim.stage import ROOT
+
+TRAY = ROOT / "tests" / "domains" / "tray"
+ATOMS = load_domain(TRAY).task.atoms
+
+
+def evaluation(folder: Path, looks: int, seed: int, model: str = "eye", atoms: tuple[Atom, ...] = ATOMS) -> Path:
+    """An evaluation on disk, of an eye that is wrong now and then and sometimes does not answer."""
+    rng = np.random.default_rng(seed)
+    truth = rng.random((looks, len(atoms))) < 0.3
+    probability = np.clip(np.where(truth, 0.85, 0.1) + rng.normal(0.0, 0.15, truth.shape), 0.0, 1.0)
+    probability[rng.random(truth.shape) < 0.02] = np.nan
+    folder.mkdir(parents=True)
+    made = Evaluation(
+        "eye",
+        {"model": model},
+        Answers(atoms, probability, truth),
+        tuple((0, step) for step in range(looks)),
+        np.zeros(looks, dtype=np.bool_),
+        np.ones(looks),
+    )
+    store.save(folder, made)
+    return folder
+
+
+def test_evaluations_make_the_file_that_runs_find_beside_the_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "model"
+    model.mkdir()
+    first, second = evaluation(tmp_path / "a", 60, 1), evaluation(tmp_path / "b", 70, 2)
+    assert exit_code(["calibrate", str(TRAY), str(first), str(second), "--out", str(model)]) == 0
+    printed = capsys.readouterr().out
+    assert "learned from 130 looks" in printed
+    assert "too few looks" in printed  # for an error rate of 0.01
+    assert f"written to {model / FILE}" in printed
+    trust = load(model, "tray")
+    assert trust.looks == 130
+    correction = Calibration.load(model)
+    assert correction.model == "eye"
+    assert set(correction.predicates) == set(trust.eye.error_models)
+    assert set(trust.eye.error_models) == set(trust.conformal.scores) == {"resting-on", "holding", "hand-free"}
+    for scores in trust.conformal.scores.values():
+        assert 60 < len(scores) <= 65  # where nothing of a predicate was answered there is none
+
+
+def test_what_is_no_evaluation_of_this_eye_and_task_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = evaluation(tmp_path / "a", 6, 1)
+    other = evaluation(tmp_path / "b", 6, 2, model="another")
+    few = evaluation(tmp_path / "c", 6, 3, atoms=ATOMS[:-1])
+    (tmp_path / "empty").mkdir()
+    for folder, words in (
+        (other, "is of another model"),
+        (few, "is about other atoms"),
+        (tmp_path / "empty", "no eval"),
+    ):
+        command = ["calibrate", str(TRAY), str(first), str(folder), "--out", str(tmp_path / "trust.json")]
+        assert exit_code(command) == BAD_INPUT
+        error = capsys.readouterr().err
+        assert words in error
+        assert str(folder) in error
+    assert not (tmp_path / "trust.json").exists()
+
+
+def test_a_file_that_cannot_be_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    done = evaluation(tmp_path / "a", 60, 1)
+    assert exit_code(["calibrate", str(TRAY), str(done), "--out", str(tmp_path / ("a" * 300))]) == BAD_INPUT
+    assert "File name too long" in capsys.readouterr().err
+
+
+def test_corrected_probabilities_are_not_corrected_again(tmp_path: Path) -> None:
+    model = tmp_path / "model"
+    model.mkdir()
+    done = evaluation(tmp_path / "a", 60, 1)
+    about = done / store.RESULTS
+    about.write_text(about.read_text().replace('"model": "eye"', '"model": "eye", "calibrated": true'))
+    assert exit_code(["calibrate", str(TRAY), str(done), "--out", str(model)]) == 0
+    assert [file.name for file in model.iterdir()] == [FILE]
+    other = evaluation(tmp_path / "b", 60, 2)
+    assert exit_code(["calibrate", str(TRAY), str(done), str(other), "--out", str(model)]) == BAD_INPUT

@@ -1,0 +1,137 @@
+"""Sampled moments, their pictures, and what the tower is taught of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from executive.domain.loader import load_domain
+from executive.lab.training import image_shards, vision_tower
+from executive.lab.training.label_space import Subject
+from executive.lab.training.network import MEAN, STD
+from executive.lab.training.presets import SMALLEST
+from executive.lab.training.scene_sampler import Sampler
+from tests.executive.sim.stage import ROOT
+
+TRAY = ROOT / "tests" / "domains" / "tray"
+
+
+@pytest.fixture(scope="module")
+def sampler() -> Iterator[Sampler]:
+    made = Sampler(load_domain(ROOT / "domains" / "grocery"), [3])
+    yield made
+    made.close()
+
+
+def test_moments_are_many_kinds_of_states(sampler: Sampler) -> None:
+    moments = [moment for _ in range(12) for moment in sampler.draw()]
+    held = {
+        str(atom) for moment in moments for atom, value in moment.facts.items() if value and "gripping" in str(atom)
+    }
+    assert len(held) >= 3
+    assert any(
+        not any(value for atom, value in moment.facts.items() if item in atom.args)
+        for moment in moments
+        for item in sampler.world.shapes
+    ), "nothing ever lies on the floor"
+    for moment in moments:
+        assert sum(value for atom, value in moment.facts.items() if "gripping" in atom.predicate) <= 1
+        for item in sampler.world.shapes:
+            assert sum(value for atom, value in moment.facts.items() if atom.args[:1] == (item,)) <= 1
+
+
+def test_the_same_seed_draws_the_same_moments() -> None:
+    drawn = []
+    for _ in range(2):
+        sampler = Sampler(load_domain(TRAY), [1, 2])
+        drawn.append([moment.qpos for _ in range(2) for moment in sampler.draw()])
+        sampler.close()
+    assert len(drawn[0]) == len(drawn[1])
+    assert all((one == other).all() for one, other in zip(*drawn, strict=True))
+
+
+def test_a_shard_is_read_as_it_was_drawn(tmp_path: Path) -> None:
+    told: list[float] = []
+    draw = image_shards.Drawing(str(TRAY), None, 5, 64, 6, tmp_path)
+    draw(3, told.append)
+    assert told == [pytest.approx(done / 6) for done in range(1, 7)]
+    assert image_shards.shards(tmp_path) == [3]
+    shard = image_shards.read_shard(tmp_path, 3)
+    subject = Subject.of(load_domain(TRAY))
+    count, cameras = shard.pictures.shape[:2]
+    assert count == 6
+    assert shard.pictures.shape[2:] == (64, 64, 3)
+    assert shard.items.shape == (6, cameras, image_shards.MASK, image_shards.MASK)
+    assert shard.facts.shape == (6, len(subject.atoms))
+    assert set(np.unique(shard.items)) == {0, *range(1, len(subject.items) + 1)}
+    # Somebody else may have drawn it meanwhile; it is the same.
+    there = (tmp_path / "shard-0003" / "pictures.npy").stat().st_ino
+    image_shards.write_shard(tmp_path, 3, shard._asdict())
+    assert [path.name for path in tmp_path.iterdir()] == ["shard-0003"]
+    assert (tmp_path / "shard-0003" / "pictures.npy").stat().st_ino == there
+
+
+def test_a_cell_shows_as_many_pixels_as_it_has() -> None:
+    masks = torch.from_numpy(np.random.default_rng(0).integers(0, 3, (2, image_shards.MASK, image_shards.MASK)))
+    for grid in (2, 4, 6, 12):
+        cells = vision_tower.shown(masks, 2, grid)
+        assert cells.shape == (2, 2, grid, grid)
+        for item in range(2):
+            assert torch.allclose(cells[:, item].sum((1, 2)), (masks == item + 1).sum((1, 2)).float())
+
+
+def test_unspoiled_pictures_are_normalised_and_nothing_else() -> None:
+    rng = np.random.default_rng(0)
+    raw = rng.integers(0, 256, (3, 32, 32, 3), dtype=np.uint8)
+    made = vision_tower.prepared(raw, rng, spoil=False)
+    plain = (torch.from_numpy(raw).permute(0, 3, 1, 2) / 255.0 - MEAN) / STD
+    assert torch.allclose(made, plain, atol=1e-5)
+
+
+def test_spoiled_pictures_stay_pictures() -> None:
+    rng = np.random.default_rng(0)
+    raw = rng.integers(0, 256, (20, 32, 32, 3), dtype=np.uint8)
+    made = vision_tower.prepared(raw, rng) * STD + MEAN
+    assert float(made.min()) >= 0.0 - 1e-5
+    assert float(made.max()) <= 1.0 + 1e-5
+    plain = torch.from_numpy(raw).permute(0, 3, 1, 2) / 255.0
+    changed = [not torch.allclose(one, other, atol=1e-4) for one, other in zip(made, plain, strict=True)]
+    assert 5 < sum(changed) < 20
+
+
+class Says(torch.nn.Module):
+    """A head that says the same of everything."""
+
+    def __init__(self, said: torch.Tensor) -> None:
+        super().__init__()
+        self._said = said
+
+    def forward(self, features: torch.Tensor) -> torch.Tensor:
+        return self._said
+
+
+def test_dense_labels_reward_what_is_shown() -> None:
+    """Logits that say what the mask and the facts say cost next to nothing; the opposite costs much."""
+    subject = Subject.of(load_domain(TRAY))
+    dense = vision_tower.Dense(SMALLEST, subject)
+    items, facets = len(subject.items), len(subject.facets)
+    masks = torch.zeros(1, image_shards.MASK, image_shards.MASK, dtype=torch.uint8)
+    masks[:, :24, :24] = 1
+    facts = torch.zeros(1, len(subject.atoms), dtype=torch.bool)
+    facts[0, subject.facets[0][1]] = True
+    right = torch.full((1, items + facets, 2, 2), -20.0)
+    right[0, 0, 0, 0] = right[0, items, 0, 0] = 20.0
+    finer = torch.full((1, items, 4, 4), -20.0)
+    finer[0, 0, :2, :2] = 20.0
+
+    def loss(sign: float) -> float:
+        for name, said in (("cells", right), ("halves", finer)):
+            setattr(dense, name, Says(sign * said))
+        return float(dense(torch.zeros(1, 16, 2, 2), torch.zeros(1, 16, 4, 4), masks, facts)[0])
+
+    assert loss(1.0) < 1e-3
+    assert loss(-1.0) > 10.0
