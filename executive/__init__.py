@@ -6,6 +6,9 @@ no planner, model, simulator or viewer; each of those is imported where it is us
 
 from __future__ import annotations
 
+from executive.util import threads  # noqa: F401  (before anything that computes is loaded)
+
+# isort: split
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -33,7 +36,6 @@ from executive.types import (
     Task,
     Verdict,
 )
-from executive.util import threads  # noqa: F401  (before anything that computes is loaded)
 
 if TYPE_CHECKING:
     from executive.app.config import RunConfig
