@@ -3,12 +3,11 @@
 python -m examples.library
 """
 
-from executive.app.run import RunConfig, run
-from executive.types import Decision, DecisionKind, Event
+from executive import Decision, DecisionKind, Event, RunConfig, run
 
 
 class Replans:
-    """A sink: it sees every event of a run. This one tells why another plan is made."""
+    """A sink: it sees every event of a run. This one prints why another plan is made."""
 
     def write(self, event: Event) -> None:
         if isinstance(event.payload, Decision) and event.payload.kind is DecisionKind.REPLAN:

@@ -3,7 +3,7 @@
     python -m examples.own_model PICTURE...
 
 This one knows nothing but colours: it says yes where a colour that the question names fills some of a picture.
-docs/own-model.md goes through it.
+docs/how-to/own-model.md goes through it.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from executive.domain.loader import load_subject
+from executive import Belief, Image, load_subject
 from executive.s3e import S3E, YES_NO, Answer, AnswerWords, Look, Templates, observe, read_picture
-from executive.types import Belief, Image
 
 RGB = {"red": (200, 40, 40), "green": (40, 140, 60), "yellow": (230, 210, 60), "white": (245, 245, 245)}
 

@@ -1,14 +1,12 @@
-"""A skill and a relation of one's own for the simulator that comes along; docs/own-world.md registers them."""
+"""A skill and a relation of one's own for the simulator that comes along; docs/how-to/own-world.md registers them."""
 
 from __future__ import annotations
 
-from executive.protocols import SkillContext
-from executive.sim.relations import State, takes
-from executive.types import SkillResult, SkillStatus, Step
+from executive import SimState, SkillContext, SkillResult, SkillStatus, Step, takes
 
 
 @takes("item")
-def upright(state: State, item: str) -> bool:
+def upright(state: SimState, item: str) -> bool:
     """upright(item): its own z axis points up, to within 15 degrees."""
     up = state.data.body(item).xmat[8]
     return bool(up > 0.966)

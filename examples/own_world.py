@@ -1,8 +1,8 @@
-"""A world of one's own: marbles in cups, a hand on a rail above them, one camera, and an eye that reads its pictures.
+"""A world of one's own: marbles in cups, a hand on a rail above them, one camera, and an estimator that reads pixels.
 
     python -m examples.own_world
 
-The smallest thing that is a `World` with its `Skill`s and its `Estimator`; docs/own-world.md goes through it.
+The smallest thing that is a `World` with its `Skill`s and its `Estimator`; docs/how-to/own-world.md goes through it.
 """
 
 from __future__ import annotations
@@ -14,15 +14,27 @@ from pathlib import Path
 
 import numpy as np
 
-from executive import Atom, Belief, InputError, Observation, SkillResult, SkillStatus, Step
-from executive.core.loop import Executive
-from executive.domain.pddl import read_task
-from executive.errors import nearest
-from executive.faults import FaultInjector, parse_fault
-from executive.planning.fast_downward import FastDownwardPlanner
-from executive.protocols import SkillContext
-from executive.trace.terminal.sink import TerminalSink
-from executive.types import Ended, Frame, Image, Phase, Scenery
+from executive import (
+    Atom,
+    Belief,
+    Ended,
+    Executive,
+    FastDownwardPlanner,
+    FaultInjector,
+    Frame,
+    Image,
+    InputError,
+    Observation,
+    Phase,
+    Scenery,
+    SkillContext,
+    SkillResult,
+    SkillStatus,
+    Step,
+    TerminalSink,
+    parse_fault,
+    read_task,
+)
 
 FOLDER = Path(__file__).parent / "marbles"
 COLOURS = {"red": (200, 40, 40), "blue": (40, 70, 200)}
@@ -92,12 +104,12 @@ class Board:
             self.clumsy = True
             return "the next grasp goes beside"
         if kind not in ("drop", "shove"):
-            raise InputError(f"nothing here does {kind!r}; {nearest(kind, ('drop', 'miss', 'shove'))}")
+            raise InputError(f"nothing here does {kind!r}; there are drop, miss and shove")
         marble = self.held if kind == "drop" else arguments.get("item", str(rng.choice(sorted(self.where))))
         if marble is None:
             return "nothing is held"
         if marble not in self.where:
-            raise InputError(f"no marble {marble!r}; {nearest(marble, self.where)}")
+            raise InputError(f"no marble {marble!r}; there are {', '.join(self.where)}")
         self.where[marble] = str(rng.choice(self.cups))
         return f"{marble} ends up in the {self.where[marble]} cup"
 
@@ -162,7 +174,7 @@ def told(step: Step, board: Board, start: float, status: SkillStatus, reason: st
     return SkillResult(step, status, reason, seconds, seconds)
 
 
-class Eye:
+class ColourEstimator:
     """Judges by the picture alone: how much of the place where a marble would be has the marble's colour."""
 
     name = "colours"
@@ -197,7 +209,7 @@ def main(faults: Sequence[str] = ("drop@2",), seed: int = 1) -> Ended:
         FastDownwardPlanner(schema),
         board,
         skills={"take": take, "put": put},
-        estimator=Eye(list(board.where), cups),
+        estimator=ColourEstimator(list(board.where), cups),
         sinks=[TerminalSink(sys.stdout)],
         faults=FaultInjector([parse_fault(fault, marbles) for fault in faults], board, seed),
         domain="marbles",

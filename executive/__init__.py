@@ -23,6 +23,7 @@ from executive.types import (
     Ended,
     Event,
     Facts,
+    Frame,
     Image,
     NoPlan,
     NoPlanReason,
@@ -30,6 +31,7 @@ from executive.types import (
     OutcomeKind,
     Phase,
     Plan,
+    Scenery,
     SkillResult,
     SkillStatus,
     Step,
@@ -39,12 +41,19 @@ from executive.types import (
 
 if TYPE_CHECKING:
     from executive.app.config import RunConfig
-    from executive.app.run import Run, resume, run
+    from executive.app.run import Run, load_skills, resume, run
+    from executive.core.compare import compare, progress, regress
     from executive.core.loop import Executive
-    from executive.domain import load_domain
+    from executive.domain import load_domain, load_subject
+    from executive.domain.pddl import read_task
     from executive.faults import FaultInjector, parse_fault
     from executive.planning import FastDownwardPlanner
+    from executive.sim.relations import SimState, takes
+    from executive.sim.truth import Oracle, Truth
+    from executive.sim.world import MujocoWorld
+    from executive.trace.record.log import EventLog
     from executive.trace.terminal import TerminalSink
+    from executive.trace.viewer.sink import RerunSink
 
 __version__ = "0.1.0"
 
@@ -57,23 +66,30 @@ __all__ = [
     "Ended",
     "Estimator",
     "Event",
+    "EventLog",
     "Executive",
     "ExecutiveError",
     "Facts",
     "FastDownwardPlanner",
     "FaultInjector",
+    "Frame",
     "Image",
     "InputError",
     "MissingError",
+    "MujocoWorld",
     "NoPlan",
     "NoPlanReason",
     "Observation",
+    "Oracle",
     "OutcomeKind",
     "Phase",
     "Plan",
     "Planner",
+    "RerunSink",
     "Run",
     "RunConfig",
+    "Scenery",
+    "SimState",
     "Sink",
     "Skill",
     "SkillContext",
@@ -82,26 +98,47 @@ __all__ = [
     "Step",
     "Task",
     "TerminalSink",
+    "Truth",
     "Verdict",
     "World",
     "__version__",
+    "compare",
     "load_domain",
+    "load_skills",
+    "load_subject",
     "parse_fault",
+    "progress",
+    "read_task",
+    "regress",
     "resume",
     "run",
+    "takes",
 ]
 
 _FROM = {
+    "EventLog": "executive.trace.record.log",
     "Executive": "executive.core.loop",
     "FastDownwardPlanner": "executive.planning",
     "FaultInjector": "executive.faults",
+    "MujocoWorld": "executive.sim.world",
+    "Oracle": "executive.sim.truth",
+    "RerunSink": "executive.trace.viewer.sink",
     "Run": "executive.app.run",
     "RunConfig": "executive.app.config",
+    "SimState": "executive.sim.relations",
     "TerminalSink": "executive.trace.terminal",
+    "Truth": "executive.sim.truth",
+    "compare": "executive.core.compare",
     "load_domain": "executive.domain",
+    "load_skills": "executive.app.run",
+    "load_subject": "executive.domain",
     "parse_fault": "executive.faults",
+    "progress": "executive.core.compare",
+    "read_task": "executive.domain.pddl",
+    "regress": "executive.core.compare",
     "resume": "executive.app.run",
     "run": "executive.app.run",
+    "takes": "executive.sim.relations",
 }
 """Imported when they are first asked for: what stands behind them is not light."""
 

@@ -15,8 +15,17 @@ MOVED = {
     "executive.compare": "executive.core.compare",
     "executive.loop": "executive.core.loop",
     "executive.pddl": "executive.domain.pddl",
+    "executive.sim.handle": "executive.sim.robot_api",
+    "executive.trace.events": "executive.trace.record.log",
 }
 """By the former name, the module's name now."""
+
+
+class _Former(ModuleType):
+    """`executive.compare` is a former module and a public function: importing one hides the other, so it is both."""
+
+    def __call__(self, *arguments: object) -> object:
+        return getattr(self, self.__name__.rpartition(".")[2])(*arguments)
 
 
 class _Finder(MetaPathFinder, Loader):
@@ -27,6 +36,9 @@ class _Finder(MetaPathFinder, Loader):
     ) -> ModuleSpec | None:
         return ModuleSpec(fullname, self) if fullname in MOVED else None
 
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        return _Former(spec.name)
+
     def exec_module(self, module: ModuleType) -> None:
         now = MOVED[module.__name__]
         warnings.warn(
@@ -36,6 +48,14 @@ class _Finder(MetaPathFinder, Loader):
         )
         moved = import_module(now)
         module.__dict__["__getattr__"] = lambda name: getattr(moved, name)
+
+
+def renamed(module: str, former: str, now: str, value: object) -> object:
+    """A name within a module that is called otherwise now, with a warning."""
+    warnings.warn(
+        f"{module}.{former} is called {now} now; the former name works until version 0.3", FutureWarning, stacklevel=3
+    )
+    return value
 
 
 def install() -> None:

@@ -13,6 +13,7 @@ from typing import Literal, TypeVar
 import mujoco
 import numpy as np
 
+from executive import former_names
 from executive.sim.spec import TableSpec
 
 Kind = Literal["item", "table", "thing"]
@@ -25,7 +26,7 @@ _RIGHT = ("right_outer_knuckle", "right_inner_finger", "right_inner_knuckle")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class SimState:
     """One moment of the simulation, contacts included."""
 
     model: mujoco.MjModel
@@ -58,7 +59,7 @@ def takes(*kinds: Kind) -> Callable[[_Relation], _Relation]:
 
 
 @takes("item", "table")
-def on(state: State, item: str, table: str) -> bool:
+def on(state: SimState, item: str, table: str) -> bool:
     """The item rests on the table, directly or on other items, and is not gripped.
 
     Where it touches several tables at once, it is on the one that its centre of mass is nearest to.
@@ -80,14 +81,14 @@ def on(state: State, item: str, table: str) -> bool:
 
 
 @takes("item")
-def gripping(state: State, item: str) -> bool:
+def gripping(state: SimState, item: str) -> bool:
     """The item is between the fingers: both touch it."""
     touching = state.contacts(item)
     return not touching.isdisjoint(_LEFT) and not touching.isdisjoint(_RIGHT)
 
 
 @takes()
-def gripper_empty(state: State) -> bool:
+def gripper_empty(state: SimState) -> bool:
     """No item is between the fingers."""
     return not any(gripping(state, item) for item in state.items)
 
@@ -98,3 +99,9 @@ def _outside(point: np.ndarray[tuple[int], np.dtype[np.float64]], table: TableSp
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
     local = np.abs([cos * x + sin * y, -sin * x + cos * y]) - 0.5 * np.asarray(table.size[:2])
     return float(np.linalg.norm(np.maximum(local, 0.0)))
+
+
+def __getattr__(name: str) -> object:
+    if name == "State":
+        return former_names.renamed(__name__, name, "executive.SimState", SimState)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import mujoco
 
 from executive.sim.relation_kinds import Meaning, read_meanings
-from executive.sim.relations import State
+from executive.sim.relations import SimState
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Belief, Facts, Observation
 
@@ -43,11 +43,11 @@ class Truth:
         world = self._world
         mujoco.mj_forward(world.model, world.data)
         tables = {table.name: table for table in world.spec.tables}
-        state = State(world.model, world.data, tables, tuple(world.shapes))
+        state = SimState(world.model, world.data, tables, tuple(world.shapes))
         return Facts({atom: self._holds(self.meanings[atom.predicate], state, atom) for atom in atoms})
 
     @staticmethod
-    def _holds(meaning: Meaning, state: State, atom: Atom) -> bool:
+    def _holds(meaning: Meaning, state: SimState, atom: Atom) -> bool:
         return bool(meaning.relation(state, *meaning.about(atom)))
 
 

@@ -1,4 +1,4 @@
-"""A skill and a relation from another package, registered as docs/own-world.md says, in the simulator."""
+"""A skill and a relation from another package, registered as docs/how-to/own-world.md says, in the simulator."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WAIT = Step("wait", (), Facts(), Facts())
 @pytest.fixture
 def domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Domain:
     """A new domain that names both, with their package installed."""
-    (block,) = (block for block in blocks(ROOT / "docs" / "own-world.md") if block.language == "toml")
+    (block,) = (block for block in blocks(ROOT / "docs" / "how-to" / "own-world.md") if block.language == "toml")
     installed = tmp_path / "site" / "own_parts-1.0.dist-info"
     installed.mkdir(parents=True)
     (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: own-parts\nVersion: 1.0\n")

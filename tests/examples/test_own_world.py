@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from examples import own_world
-from examples.own_world import HAND, Board, Eye, put, take
+from examples.own_world import HAND, Board, ColourEstimator, put, take
 from executive.protocols import Estimator, Skill, World
 from executive.types import Atom, Facts, Observation, OutcomeKind, Step
 from tests.contracts import EstimatorContract, SkillContract, WorldContract
@@ -50,7 +50,7 @@ class TestBoard(WorldContract):
 class TestEye(EstimatorContract):
     def make(self) -> tuple[Estimator, Observation, Sequence[Atom]]:
         world = board()
-        return Eye(list(world.where), CUPS), world.observe(), atoms(world)
+        return ColourEstimator(list(world.where), CUPS), world.observe(), atoms(world)
 
 
 class _OnTheBoard(SkillContract):
@@ -93,13 +93,13 @@ class TestPut(_OnTheBoard):
 @pytest.mark.parametrize("blue", CUPS)
 def test_the_eye_reads_what_is_true_from_the_picture(red: str, blue: str) -> None:
     world = board(red=red, blue=blue)
-    belief = Eye(list(world.where), CUPS).estimate(world.observe(), atoms(world))
+    belief = ColourEstimator(list(world.where), CUPS).estimate(world.observe(), atoms(world))
     assert belief.facts() == truth(world)
 
 
 def test_without_a_picture_the_eye_cannot_tell() -> None:
     world = board()
-    belief = Eye(list(world.where), CUPS).estimate(Observation(0, 0.0, {}, np.zeros(1)), atoms(world))
+    belief = ColourEstimator(list(world.where), CUPS).estimate(Observation(0, 0.0, {}, np.zeros(1)), atoms(world))
     assert belief.unanswered == set(atoms(world))
 
 

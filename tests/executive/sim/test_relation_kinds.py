@@ -9,7 +9,7 @@ import pytest
 from executive.errors import DomainError
 from executive.sim import relation_kinds
 from executive.sim.relation_kinds import check_kinds, read_meanings
-from executive.sim.relations import State, takes
+from executive.sim.relations import SimState, takes
 from executive.sim.spec import SceneSpec, read_scene
 from executive.types import Atom, Facts, Task
 from tests.executive.sim.stage import SCENE
@@ -70,11 +70,11 @@ def test_a_thing_of_the_scene_may_stand_for_itself(spec: SceneSpec) -> None:
 def test_a_relation_that_declares_nothing_is_held_to_its_number_alone(
     spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def plain(state: State, one: str, other: str) -> bool:
+    def plain(state: SimState, one: str, other: str) -> bool:
         return False
 
     @takes("thing", "item")
-    def beside(state: State, one: str, other: str) -> bool:
+    def beside(state: SimState, one: str, other: str) -> bool:
         return False
 
     monkeypatch.setattr(relation_kinds, "relations", lambda: {"plain": plain, "beside": beside})
