@@ -14,8 +14,11 @@ from executive.faults import parse_fault
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+EXIT_CODES = (ROOT / "docs" / "reference" / "exit-codes.md").read_text(encoding="utf-8")
+FAULTS = (ROOT / "docs" / "how-to" / "faults.md").read_text(encoding="utf-8")
 DOCUMENTS = sorted(
-    str(path.relative_to(ROOT)) for path in (*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), ROOT / "runs" / "README.md")
+    str(path.relative_to(ROOT))
+    for path in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "runs" / "README.md")
 )
 
 
@@ -29,8 +32,16 @@ def shell_lines() -> Iterator[str]:
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_links_lead_somewhere(document: str) -> None:
     folder = (ROOT / document).parent
-    targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", (ROOT / document).read_text(encoding="utf-8"))
-    assert [target for target in targets if not (folder / target).exists()] == []
+    links = re.findall(r"\]\(([^)#:]*)(?:#([^)]*))?\)", (ROOT / document).read_text(encoding="utf-8"))
+    targets = [(folder / target if target else ROOT / document, anchor) for target, anchor in links]
+    assert [str(target) for target, _ in targets if not target.exists()] == []
+    assert [(target.name, anchor) for target, anchor in targets if anchor and anchor not in anchors(target)] == []
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as its readers' sites make them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def test_make_targets_exist() -> None:
@@ -43,13 +54,13 @@ def test_make_targets_exist() -> None:
     assert named <= targets
 
 
-@pytest.mark.parametrize("spec", re.findall(r"^\| `([^`]+)` \| ", README, flags=re.MULTILINE))
+@pytest.mark.parametrize("spec", re.findall(r"^\| `([^`]+)` \| ", FAULTS, flags=re.MULTILINE))
 def test_faults_are_faults(spec: str) -> None:
     parse_fault(spec)
 
 
 def test_exit_codes_are_those_of_the_command_line() -> None:
-    listed = {int(code) for code in re.findall(r"^\| (\d+) \|", README, flags=re.MULTILINE)}
+    listed = {int(code) for code in re.findall(r"^\| (\d+) \|", EXIT_CODES, flags=re.MULTILINE)}
     assert listed == {
         cli.REACHED,
         cli.NOT_REACHED,
@@ -58,4 +69,4 @@ def test_exit_codes_are_those_of_the_command_line() -> None:
         cli.INTERRUPTED,
         cli.TERMINATED,
     }
-    assert f"{cli.BUG} is a bug" in README
+    assert f"{cli.BUG} is a bug" in EXIT_CODES

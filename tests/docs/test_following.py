@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.following import LANGUAGES, ROOT, Follower, blocks
-
-DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+from tests.docs.following import DOCUMENTS, LANGUAGES, Follower, blocks
 
 
 def follow(folder: Path, text: str) -> Follower:

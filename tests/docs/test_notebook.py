@@ -10,9 +10,9 @@ from typing import Any
 
 from PIL import Image as Picture
 
-from tests.docs.following import ROOT
+from tests.docs.following import DOCS
 
-NOTEBOOK = json.loads((ROOT / "docs" / "library.ipynb").read_text(encoding="utf-8"))
+NOTEBOOK = json.loads((DOCS / "tutorials" / "library.ipynb").read_text(encoding="utf-8"))
 
 
 def run(source: str, names: dict[str, Any]) -> Any:
@@ -43,4 +43,4 @@ def test_it_runs_and_prints_what_it_shows() -> None:
 def test_it_is_small_and_was_run_in_order() -> None:
     counts = [cell["execution_count"] for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
     assert counts == list(range(1, len(counts) + 1))
-    assert (ROOT / "docs" / "library.ipynb").stat().st_size < 200_000
+    assert (DOCS / "tutorials" / "library.ipynb").stat().st_size < 200_000

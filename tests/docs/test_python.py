@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.following import ROOT, Block, blocks
+from tests.docs.following import DOCUMENTS, ROOT, Block, blocks
 
 EXAMPLES = [file.read_text(encoding="utf-8") for file in sorted((ROOT / "examples").glob("*.py"))]
-DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 QUOTED = [block for document in DOCUMENTS for block in blocks(document) if block.language == "python"]
 
 

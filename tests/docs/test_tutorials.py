@@ -1,4 +1,4 @@
-"""The pages of docs/, followed word for word: each in a folder of its own, which has what the page says that it has."""
+"""The longer pages of docs/, followed word for word: each in a folder of its own, with what the page says is there."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from tests.docs.following import ROOT, Follower, blocks
+from tests.docs.following import DOCS, FOLLOWED, ROOT, Follower, blocks
 from tests.executive.s3e.chat_server import serving
 from tests.executive.s3e.checkpoints import build
 from tests.executive.s3e.on_server import honest
-
-DOCS = ROOT / "docs"
 
 
 @pytest.fixture
@@ -38,6 +36,7 @@ def server() -> Iterator[str]:
 def follow(page: str, clone: Path, **instead: str) -> Follower:
     reader = Follower(clone.parent, instead)
     reader.here = clone
+    assert page in FOLLOWED
     for block in blocks(DOCS / page):
         reader.follow(block)
     return reader
@@ -45,7 +44,7 @@ def follow(page: str, clone: Path, **instead: str) -> Follower:
 
 @pytest.mark.timeout(1200)
 def test_a_domain_of_ones_own(clone: Path) -> None:
-    robots = follow("tutorial-domain.md", clone).here
+    robots = follow("tutorials/domain.md", clone).here
     assert robots == clone.parent / "robots"
     assert (robots / "first.png").stat().st_size > 10_000
     assert (robots / "data" / "README.md").is_file()
@@ -58,10 +57,10 @@ def test_a_model_of_ones_own(clone: Path, server: str) -> None:
     for name, seed in (("front.png", 0), ("hand.png", 1)):
         pixels = np.random.default_rng(seed).integers(0, 256, (48, 64, 3), dtype=np.uint8)
         Picture.fromarray(pixels).save(clone / name)
-    follow("own-model.md", clone, **{"http://127.0.0.1:8000/v1": server})
+    follow("how-to/own-model.md", clone, **{"http://127.0.0.1:8000/v1": server})
     assert (clone / "runs" / "by-sight" / "summary.json").is_file()
     assert list((clone / "report").iterdir())
 
 
 def test_a_world_of_ones_own(clone: Path) -> None:
-    follow("own-world.md", clone)
+    follow("how-to/own-world.md", clone)

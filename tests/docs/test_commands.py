@@ -1,7 +1,8 @@
-"""Every command in README is carried out, block by block, in a folder that has what the block needs.
+"""Every command in README and docs is carried out, block by block, in a folder that has what the block needs.
 
 What takes hours is done with less: `INSTEAD` says what is typed in place of what is written. A command that comes into
-README and is too much for a test needs a line there.
+the pages and is too much for a test needs a line there. The pages in `FOLLOWED` are not here: test_tutorials.py follows
+each of them as a whole.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import typer.main
 from PIL import Image as Picture
 
 from executive import cli
-from tests.docs.following import ROOT, Block, Follower, blocks
+from tests.docs.following import DOCS, DOCUMENTS, FOLLOWED, ROOT, Block, Follower, blocks
 from tests.executive.s3e.chat_server import serving
 from tests.executive.s3e.checkpoints import build
 from tests.executive.s3e.on_server import honest
@@ -58,7 +59,9 @@ def lines(block: Block) -> list[str]:
     return [line.split(" #")[0].strip() for line in block.text.splitlines() if line.strip()]
 
 
-COMMANDS = [block for block in blocks(ROOT / "README.md") if block.language == "sh" and "executive " in block.text]
+PAGES = [page for page in DOCUMENTS if page not in [DOCS / followed for followed in FOLLOWED]]
+SHELL = [block for page in PAGES for block in blocks(page) if block.language == "sh"]
+COMMANDS = [block for block in SHELL if not all(IN_A_SHELL.search(line) for line in lines(block))]
 
 
 @pytest.fixture
@@ -123,7 +126,7 @@ def test_a_block_of_commands(
         codes = next(codes for pattern, codes in CODES if re.search(pattern, line))
         made = sorted((workplace / "evaluations").glob("*/"))
         arguments = shlex.split(line.replace("evaluations/<id>", str(made[-1]) if made else ""))
-        assert arguments.pop(0) == "executive"
+        assert arguments.pop(0) == "executive", f"{block}: {line}"
         if arguments[0] == "run" and re.search(r"FOLDER|SERVER", line):
             arguments += ["--max-looks", "8"]  # as a model that knows nothing sees it, a run goes on for long
         code = cli.exit_code([argument.replace("SERVER", server) for argument in arguments])
@@ -131,20 +134,22 @@ def test_a_block_of_commands(
         assert code in codes, f"{line}\n{out}\n{err}"
 
 
-def test_every_command_is_in_one_of_them() -> None:
+def test_every_command_is_shown_on_some_page() -> None:
     group = typer.main.get_command(cli.app)
     assert isinstance(group, typer.core.TyperGroup)
-    shown = {line.split()[1] for block in COMMANDS for line in lines(block) if line.startswith("executive ")}
+    everywhere = [block for page in DOCUMENTS for block in blocks(page) if block.language == "sh"]
+    shown = {line.split()[1] for block in everywhere for line in lines(block) if line.startswith("executive ")}
     assert group.commands.keys() - shown == set()
 
 
 def test_make_run_is_the_first_command() -> None:
-    first = next(line for block in COMMANDS for line in lines(block) if line.startswith("executive run "))
+    tutorial = [block for block in COMMANDS if block.document == DOCS / "tutorials" / "first-run.md"]
+    first = next(line for block in tutorial for line in lines(block) if line.startswith("executive run "))
     assert f"run: setup\n\t.venv/bin/{first}\n" in (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
 def test_the_browser_gets_its_page(workplace: Path) -> None:
-    assert any("inspect runs/<id> --web" in block.text for block in COMMANDS)
+    assert any("inspect runs/<id> --web" in block.text for block in SHELL)
     command = [sys.executable, "-m", "executive", "inspect", "runs/example", "--web"]
     # Whoever runs the tests in the background has them ignore SIGINT; this one is to hear it.
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
@@ -172,7 +177,7 @@ def _fetched(address: str) -> bytes:
 
 
 def test_completion_is_installed_for_the_shell(tmp_path: Path) -> None:
-    assert any("executive --install-completion" in block.text for block in COMMANDS)
+    assert any("executive --install-completion" in block.text for block in SHELL)
     reader = Follower(tmp_path)
     assert "completion installed" in reader.type("bash -c 'executive --install-completion; true'\n")
     assert "executive" in (tmp_path / ".bash_completions" / "executive.sh").read_text()
