@@ -3,12 +3,14 @@ PY := .venv/bin/python
 SOURCES := executive skills tests benchmarks examples
 BENCHMARKS := $(notdir $(basename $(wildcard benchmarks/[a-z]*.py))) $(patsubst benchmarks/%/__main__.py,%,$(wildcard benchmarks/*/__main__.py))
 
-.PHONY: help setup run test test-slow bench example pictures lint format-check types arrows unit format clean
+.PHONY: help setup run quick test test-slow docs bench example pictures lint format-check types arrows unit format clean
 
 help:
 	@echo "make run        set up, then sort the groceries with a dropped item on the way"
 	@echo "make test       set up, then every check: lint, format-check, types, arrows, unit"
+	@echo "make quick      set up, then the pure tests alone: under a minute"
 	@echo "make test-slow  set up, then the tests that take minutes"
+	@echo "make docs       set up, then build the documentation in build/docs; a broken link is an error"
 	@echo "make bench      set up, then every benchmark, printed (long; make bench BENCHMARKS=monitor for one)"
 	@echo "make example    set up, then make the run in runs/example anew"
 	@echo "make pictures   set up, then draw the pictures in docs/images anew"
@@ -41,8 +43,18 @@ arrows:
 unit:
 	PICTURES=build/pictures $(PY) -m pytest -q -n auto --maxprocesses 4
 
+quick: setup
+	$(PY) -m pytest -q -m quick -n 2
+
 test-slow: setup
 	$(PY) -m pytest -q -m slow
+
+# What builds the site is installed when it is first needed. --strict: what is warned of is an error.
+docs: setup
+	@$(PY) -c 'import mkdocs, material, mkdocstrings_handlers.python' 2>/dev/null \
+		|| $(PY) -m pip install -qq --no-input --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --quiet --strict
+	@echo "build/docs/index.html; with search: $(PY) -m http.server --bind 127.0.0.1 --directory build/docs"
 
 bench: setup
 	@for file in $(BENCHMARKS); do echo "== $$file"; $(PY) -m benchmarks.$$file || exit 1; done

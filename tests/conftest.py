@@ -1,10 +1,58 @@
-"""What tests in several rooms share."""
+"""What tests in several folders share, and which tests are quick."""
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
 
 import pytest
+
+ROOT = Path(__file__).parent.parent
+SLOW = (
+    "subprocess", "multiprocessing", "mujoco", "rerun", "torch", "transformers", "ray", "matplotlib", "pyarrow",
+    "executive.run", "executive.resume", "executive.FastDownwardPlanner", "executive.app", "executive.cli",
+    "executive.lab", "executive.replay", "executive.sim", "executive.skills", "executive.trace.viewer",
+    "executive.planning.FastDownwardPlanner", "executive.planning.fast_downward", "executive.planning.mutex_groups",
+    "executive.s3e.backends", "benchmarks", "skills",
+)  # fmt: skip
+"""A test file that imports one of these, by itself or by what it shares with others, simulates, draws, asks a model or
+a planner, or starts processes. All others are quick: `make quick`."""
+
+
+@cache
+def is_quick(file: Path) -> bool:
+    """Whether the tests of a file need nothing that is slow, by what it imports."""
+    names = _imports(file)
+    if any(name == slow or name.startswith(f"{slow}.") for name in names for slow in SLOW):
+        return False
+    shared = {ROOT / f"{name.replace('.', '/')}.py" for name in names if name.startswith(("tests.", "examples."))}
+    beside = file.parent / "conftest.py"
+    return all(is_quick(each) for each in {*shared, beside} if each.exists() and each not in (file, Path(__file__)))
+
+
+def _imports(file: Path) -> set[str]:
+    names = set[str]()
+    for node in ast.walk(ast.parse(file.read_bytes())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """With `-m quick`, do not even import the other files: that alone takes longer than the quick tests."""
+    if config.option.markexpr != "quick" or not collection_path.match("test_*.py"):
+        return None
+    return None if is_quick(collection_path) else True
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if is_quick(item.path) and item.get_closest_marker("slow") is None:
+            item.add_marker(pytest.mark.quick)
 
 
 @pytest.fixture

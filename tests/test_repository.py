@@ -24,10 +24,19 @@ def test_it_is_cited_by_its_version_and_licence() -> None:
         assert re.search(rf"^{key}:", citation, flags=re.MULTILINE), key
 
 
-def test_the_changelog_begins_with_this_version() -> None:
-    versions = re.findall(r"^## (\S+)", text("CHANGELOG.md"), flags=re.MULTILINE)
-    assert next(version for version in versions if version != "Unreleased") == __version__
-    assert len(set(versions)) == len(versions)
+def test_the_changelog_names_versions_the_latest_first() -> None:
+    coming, *versions = re.findall(r"^## (\S+)", text("CHANGELOG.md"), flags=re.MULTILINE)
+    assert coming == "Unreleased"
+    assert versions[0] == __version__
+    numbers = [tuple(map(int, version.split("."))) for version in versions]
+    assert numbers == sorted(set(numbers), reverse=True)
+
+
+def test_hooks_use_what_is_set_up_and_nothing_from_elsewhere() -> None:
+    hooks = text(".pre-commit-config.yaml")
+    assert re.findall(r"- repo: (\S+)", hooks) == ["local"]
+    assert re.findall(r"language: (\S+)", hooks) == ["system"] * hooks.count("- id: ")
+    assert all(entry.startswith(".venv/bin/") for entry in re.findall(r"entry: (\S+)", hooks))
 
 
 def test_readme_names_what_is_under_another_licence() -> None:
