@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from executive import cli
 from executive.errors import MissingError
 from executive.faults import parse_fault
+from executive.types import OutcomeKind, Payload
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -70,3 +72,9 @@ def test_exit_codes_are_those_of_the_command_line() -> None:
         cli.TERMINATED,
     }
     assert f"{cli.BUG} is a bug" in EXIT_CODES
+
+
+def test_every_event_and_every_outcome_is_explained() -> None:
+    page = (ROOT / "docs" / "reference" / "run-folder.md").read_text(encoding="utf-8")
+    assert [kind.__name__ for kind in get_args(Payload) if f"`{kind.__name__}`" not in page] == []
+    assert set(re.findall(r"^\| `([a-z-]+)` \|", EXIT_CODES, flags=re.MULTILINE)) == set(OutcomeKind)
