@@ -109,8 +109,8 @@ def test_the_loop_never_asks_for_the_truth(prepared: Prepared, monkeypatch: pyte
     def forbidden(*_: object) -> Facts:
         raise AssertionError("the truth is not for the robot")
 
-    monkeypatch.setattr(Truth, "of", forbidden)
     run, seen = prepared(problem="one-item", seeing=Scripted())
+    monkeypatch.setattr(Truth, "of", forbidden)  # before, the stage was set and checked
     ended = run.executive.run()
     assert ended.goal_seen
     assert statuses(seen) == [SkillStatus.DONE, SkillStatus.DONE]
