@@ -42,8 +42,8 @@ from executive.lab.campaign.campaign_folder import Bench
 from executive.lab.campaign.design import Campaign
 from executive.lab.campaign.episode import FAILED, Player, Simulated
 from executive.lab.campaign.rows import read_rows
-from executive.lab.common.process_pool import Processes
-from executive.lab.common.progress import told
+from executive.lab.common.process_pool import ProcessPool
+from executive.lab.common.progress import show_progress
 from executive.planning.mutex_groups import find_mutexes
 from executive.util import requirements
 from executive.util.threads import cores
@@ -171,9 +171,9 @@ def _loop(part: str, campaign: Campaign, prepare: Callable[[Path], Player], argu
     with Bench(campaign, out, shlex.join(sys.argv), lambda line: print(line, file=sys.stderr)) as work:
         wanted = work.wanted()
         if work.missing(wanted):
-            crew = Processes(partial(prepare, work.work), arguments.jobs, 60 * campaign.minutes, alone=True)
-            with crew, ctrl_c(work.cancel), told(sys.stderr, f"{part} episodes") as watch:
-                if not work.play(wanted, crew, watch):
+            pool = ProcessPool(partial(prepare, work.work), arguments.jobs, 60 * campaign.minutes, single_threaded=True)
+            with pool, ctrl_c(work.cancel), show_progress(sys.stderr, f"{part} episodes") as watch:
+                if not work.play(wanted, pool, watch):
                     raise StoppedError
     rows = read_rows(out, lambda line: None)
     played = [rows[episode.key] for episode in wanted]

@@ -16,7 +16,7 @@ from executive.app import sensor_fit
 from executive.app.estimators import EstimatorConfig, settled
 from executive.domain.loader import load_domain
 from executive.faults.image_noise import SPOILED, most
-from executive.lab.common.process_pool import Processes
+from executive.lab.common.process_pool import ProcessPool
 from executive.lab.common.progress import Progress, estimate
 from executive.lab.evaluation import store
 from executive.lab.evaluation.evaluate import EvalConfig, Evaluation, Evaluator, Look, Opened, Said
@@ -93,8 +93,8 @@ def _evaluation(data: Path, looks: int | None, out: Path, spoiled: str) -> Evalu
     if not (folder / store.RESULTS).is_file():
         folder.mkdir(parents=True, exist_ok=True)
         config = EvalConfig("grocery", data, EstimatorConfig(), looks=looks, disturb=(spoiled,) if spoiled else ())
-        with Evaluator(config) as evaluator, Processes[Look, Opened | Said](evaluator.looker, 1) as crew:
-            made = evaluator.run(crew, watch=_watch(spoiled or "as they are"))
+        with Evaluator(config) as evaluator, ProcessPool[Look, Opened | Said](evaluator.looker, 1) as pool:
+            made = evaluator.run(pool, watch=_watch(spoiled or "as they are"))
         assert made is not None  # nobody cancels it
         store.save(folder, made)
         print(f"{spoiled or 'as they are'}: whole state right in {exact(made):.1%} of {len(made.looks)} looks",

@@ -13,7 +13,7 @@ from executive.faults import FaultInjector, faulty_estimator, parse_fault
 from executive.lab.campaign.design import Episode, Place
 from executive.lab.campaign.episode import Player, Row, out_of_reach, row
 from executive.lab.campaign.scoring import Scorer
-from executive.lab.common.process_pool import Tell
+from executive.lab.common.process_pool import ReportProgress
 from executive.trace.report.summary import Collector
 from executive.types import Facts, NoPlan, NoPlanReason, Plan, Step, Task
 from tests.fakes import FREE, WATCHED, FakeSkill, FakeWorld, ScriptedEstimator, at, groups, held, pick, put, task
@@ -28,7 +28,7 @@ def player(work: Path) -> Player:
     return play
 
 
-def play(episode: Episode, tell: Tell = lambda done: None) -> Row:
+def play(episode: Episode, tell: ReportProgress = lambda done: None) -> Row:
     """One run in the symbolic world."""
     config, seed = episode.config, episode.seed
     some = task(THINGS, PLACES, GOAL)

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executive.cli import hiring
+from executive.cli import pool_options
 from executive.cli.app import NOT_REACHED, REACHED, SECONDS_TO_LEAVE, ctrl_c, one_line
 from executive.errors import InputError
 
 if TYPE_CHECKING:
     from executive.lab.campaign.design import Episode
     from executive.lab.campaign.episode import Row
-    from executive.lab.common.process_pool import Crew
+    from executive.lab.common.process_pool import WorkerPool
 
 
 def bench(
@@ -36,9 +36,9 @@ def bench(
     retry: Annotated[
         bool, typer.Option("--retry", help="Play those again that could not be played to an end.")
     ] = False,
-    jobs: hiring.Jobs = None,
-    engine: hiring.Engine = "processes",
-    address: hiring.Address = None,
+    jobs: pool_options.Jobs = None,
+    engine: pool_options.Engine = "processes",
+    address: pool_options.Address = None,
     share_model: Annotated[
         bool | None,
         typer.Option(
@@ -64,7 +64,7 @@ def bench(
     if report is not None:
         return _report(report, as_json)
     assert campaign is not None
-    hiring.check(engine, address)
+    pool_options.check(engine, address)
     if share_model is not None and engine == "ray":
         key = "--share-model" if share_model else "--no-share-model"
         raise InputError("goes with --engine processes; with Ray, each process holds a model of its own", key=key)
@@ -76,8 +76,8 @@ def bench(
     from executive.lab.campaign.campaign_folder import Bench
     from executive.lab.campaign.config_file import check, read_campaign
     from executive.lab.campaign.episode import Simulated
-    from executive.lab.common.progress import told
-    from executive.lab.common.ray_pool import OnRay
+    from executive.lab.common.progress import show_progress
+    from executive.lab.common.ray_pool import RayPool
 
     design = read_campaign(campaign)
     folder = out or Path("campaigns") / campaign.stem
@@ -90,15 +90,15 @@ def bench(
             check(missing)
             limit = 60 * design.minutes
             if engine == "ray":
-                hired: AbstractContextManager[Crew[Episode, Row]] = OnRay(Simulated, jobs, limit, address)
+                opened: AbstractContextManager[WorkerPool[Episode, Row]] = RayPool(Simulated, jobs, limit, address)
             else:
-                hired = _processes(work.work, missing, jobs, limit, share_model)
+                opened = _processes(work.work, missing, jobs, limit, share_model)
             with (
                 ctrl_c(work.cancel, SECONDS_TO_LEAVE) as interrupted,
-                hired as crew,
-                told(sys.stderr, "episodes") as watch,
+                opened as pool,
+                show_progress(sys.stderr, "episodes") as watch,
             ):
-                whole = work.play(wanted, crew, watch)
+                whole = work.play(wanted, pool, watch)
             if not whole:
                 print(f"interrupted; finished episodes are kept, go on with: {shlex.join(again)}", file=sys.stderr)
                 return interrupted.code
@@ -108,11 +108,11 @@ def bench(
 @contextmanager
 def _processes(
     work: Path, episodes: Sequence[Episode], jobs: int | None, limit: float, share: bool | None
-) -> Iterator[Crew[Episode, Row]]:
+) -> Iterator[WorkerPool[Episode, Row]]:
     """Processes of this machine, and one more that holds the model for all of them where that is wanted (`share`) or,
     where nothing is said, saves a GPU from holding it several times."""
     from executive.lab.campaign.episode import Simulated, loads_model
-    from executive.lab.common.process_pool import Processes
+    from executive.lab.common.process_pool import ProcessPool
     from executive.s3e.backends.loading import has_gpu
     from executive.s3e.backends.shared_host import ModelHost
     from executive.util.threads import cores
@@ -122,14 +122,14 @@ def _processes(
     elif share is None:
         share = (jobs or cores()) > 1 and has_gpu()
     if not share:
-        with Processes(partial(Simulated, work), jobs, limit, alone=True) as crew:
-            yield crew
+        with ProcessPool(partial(Simulated, work), jobs, limit, single_threaded=True) as pool:
+            yield pool
         return
     with (
         ModelHost() as host,
-        Processes(partial(Simulated, work, host.address), jobs, limit, host.revive, alone=True) as crew,
+        ProcessPool(partial(Simulated, work, host.address), jobs, limit, host.revive, single_threaded=True) as pool,
     ):
-        yield crew
+        yield pool
 
 
 def _report(folder: Path, as_json: bool) -> int:

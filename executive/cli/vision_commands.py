@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from executive.cli import completion, hiring
+from executive.cli import completion, pool_options
 from executive.cli.app import NOT_REACHED, REACHED, SECONDS_TO_LEAVE, ctrl_c, one_line
 from executive.cli.options import (
     Abstention,
@@ -98,27 +98,27 @@ def collect(
     home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
     grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.010,
     slips: Annotated[float, typer.Option(min=0.0, max=1.0, help="Chance of losing what is carried.")] = 0.05,
-    jobs: hiring.Jobs = None,
-    engine: hiring.Engine = "processes",
-    address: hiring.Address = None,
+    jobs: pool_options.Jobs = None,
+    engine: pool_options.Engine = "processes",
+    address: pool_options.Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was collected as JSON.")] = False,
 ) -> int:
     """Collect pictures and the truth about them, by random actions in the simulator (the paper's Appendix D)."""
-    hiring.check(engine, address)
+    pool_options.check(engine, address)
     from executive.util import requirements
 
     requirements.require()
 
     from executive.lab.collection import collect as collecting
-    from executive.lab.common.progress import summary, told
+    from executive.lab.common.progress import show_progress, summary
 
     config = collecting.CollectConfig(domain, out, points, problem, seed, home_pose, grasp_noise, slips, jobs)
     with (
         collecting.Collection(config, _warn) as collection,
         ctrl_c(collection.cancel, SECONDS_TO_LEAVE) as interrupted,
-        told(sys.stderr) as watch,
+        show_progress(sys.stderr) as watch,
     ):
-        manifest = collection.run(watch, lambda: hiring.crew(collection.player, jobs, engine, address))
+        manifest = collection.run(watch, lambda: pool_options.make_pool(collection.player, jobs, engine, address))
     if manifest is None:
         print(f"interrupted; finished episodes are kept, go on with: {config.command}", file=sys.stderr)
         return interrupted.code
@@ -157,13 +157,13 @@ def evaluate(
     jobs: Annotated[
         int | None, typer.Option(min=1, help="How many models look side by side; one if not given.")
     ] = None,
-    engine: hiring.Engine = "processes",
-    address: hiring.Address = None,
+    engine: pool_options.Engine = "processes",
+    address: pool_options.Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
 ) -> int:
     """Measure how well a model sees, on collected pictures (Experiment 1 of the paper), and write a report."""
-    hiring.check(engine, address)
-    from executive.lab.common.progress import told
+    pool_options.check(engine, address)
+    from executive.lab.common.progress import show_progress
     from executive.lab.evaluation import report as reporting
     from executive.lab.evaluation import store
     from executive.lab.evaluation.evaluate import EvalConfig, Evaluator
@@ -180,12 +180,14 @@ def evaluate(
     with store.claimed(folder, again), Evaluator(config, _warn) as evaluator:
         with (
             ctrl_c(evaluator.cancel, SECONDS_TO_LEAVE) as interrupted,
-            hiring.crew(evaluator.looker, side_by_side, engine, address, alone=(side_by_side or 0) > 1) as crew,
+            pool_options.make_pool(
+                evaluator.looker, side_by_side, engine, address, single_threaded=(side_by_side or 0) > 1
+            ) as pool,
         ):
             with waiting(sys.stderr, "loading the model"):
-                opened = evaluator.open(crew)
-            with told(sys.stderr, "looks") as watch:
-                evaluation = evaluator.run(crew, opened, folder / store.KEPT, watch) if opened is not None else None
+                opened = evaluator.open(pool)
+            with show_progress(sys.stderr, "looks") as watch:
+                evaluation = evaluator.run(pool, opened, folder / store.KEPT, watch) if opened is not None else None
         if evaluation is None:
             print(f"interrupted; the looks that were taken are kept, go on with: {again}", file=sys.stderr)
             return interrupted.code
@@ -232,11 +234,11 @@ def train(
 
     requirements.require()
 
-    from executive.lab.common.progress import stages
+    from executive.lab.common.progress import show_stages
     from executive.lab.training.train import TrainConfig, Training
 
     training = Training(TrainConfig(domain, out, problem, recipe, seed, jobs))
-    with ctrl_c(training.cancel, SECONDS_TO_LEAVE) as interrupted, stages(sys.stderr) as watch:
+    with ctrl_c(training.cancel, SECONDS_TO_LEAVE) as interrupted, show_stages(sys.stderr) as watch:
         model = training.run(watch)
     if model is None:
         print(f"interrupted; everything is kept, go on with: {training.config.command}", file=sys.stderr)

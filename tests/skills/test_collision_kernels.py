@@ -20,6 +20,7 @@ NOWHERE = """
 from numba.core.caching import CacheImpl, UserProvidedCacheLocator
 CacheImpl._locator_classes = [UserProvidedCacheLocator]  # as where nothing can be written beside the file or at home
 """
+IMPORT = "from executive.skills import collision_kernels as kernels"
 FOLDER = f"executive-compiled-{os.getuid()}"
 
 
@@ -39,13 +40,13 @@ def test_every_skill_of_the_arm_can_be_made_ready(skill: object) -> None:
 
 
 def test_what_is_kept_is_not_told_of() -> None:
-    script = "import json\nfrom skills import sweep\ntold = []\nsweep.ready()\nsweep.ready(told.append)\n"
+    script = f"import json\n{IMPORT}\ntold = []\nkernels.ready()\nkernels.ready(told.append)\n"
     assert fresh(f"{script}print(json.dumps(told))") == []
 
 
 @pytest.mark.slow
 def test_what_is_compiled_is_told_of_once_and_is_there_in_the_next_process(tmp_path: Path) -> None:
-    script = "import json\nfrom skills import sweep\ntold = []\nsweep.ready(told.append)\nprint(json.dumps(told))"
+    script = f"import json\n{IMPORT}\ntold = []\nkernels.ready(told.append)\nprint(json.dumps(told))"
     first, second = (fresh(script, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2))
     assert isinstance(first, list)
     assert len(first) == 1
@@ -53,7 +54,7 @@ def test_what_is_compiled_is_told_of_once_and_is_there_in_the_next_process(tmp_p
 
 
 def test_where_numba_can_keep_nothing_there_is_a_folder_of_the_users_own(tmp_path: Path) -> None:
-    script = "import json, numba\nfrom skills import sweep\nprint(json.dumps([sweep.KEPT, numba.config.CACHE_DIR]))"
+    script = f"import json, numba\n{IMPORT}\nprint(json.dumps([kernels.KEPT, numba.config.CACHE_DIR]))"
     assert fresh(NOWHERE + script, TMPDIR=str(tmp_path)) == [True, str(tmp_path / FOLDER)]
     assert stat.S_IMODE((tmp_path / FOLDER).stat().st_mode) == 0o700
 
@@ -70,5 +71,5 @@ def test_what_others_could_have_written_is_not_run(kind: str, tmp_path: Path) ->
             folder.symlink_to(tmp_path / "elsewhere")
         case _:
             folder.touch(mode=0o600)
-    script = "import json, numba\nfrom skills import sweep\nprint(json.dumps([sweep.KEPT, numba.config.CACHE_DIR]))"
+    script = f"import json, numba\n{IMPORT}\nprint(json.dumps([kernels.KEPT, numba.config.CACHE_DIR]))"
     assert fresh(NOWHERE + script, TMPDIR=str(tmp_path)) == [False, ""]

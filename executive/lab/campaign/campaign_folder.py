@@ -24,8 +24,8 @@ from executive.lab.campaign.episode import FAILED, Row, row_of
 from executive.lab.campaign.rows import Rows, read_rows
 from executive.lab.collection.collect import DECIDING, version_of
 from executive.lab.collection.dataset import write_atomically
-from executive.lab.common.folder_lock import lock, sweep
-from executive.lab.common.process_pool import Crew, done_by
+from executive.lab.common.folder_lock import lock, remove_partial
+from executive.lab.common.process_pool import WorkerPool, run_jobs
 from executive.lab.common.progress import Progress
 from executive.util.files import legible, read_json
 
@@ -55,7 +55,7 @@ class Bench:
         _check_folder(out, what)
         self._lock = lock(out, "playing a campaign", command)
         try:
-            sweep(out)
+            remove_partial(out)
             self._rows = Rows(out, warn)
             document = {
                 "format": FORMAT,
@@ -130,7 +130,7 @@ class Bench:
     def play(
         self,
         wanted: Sequence[Episode],
-        crew: Crew[Episode, Row],
+        pool: WorkerPool[Episode, Row],
         watch: Callable[[Progress], None] = lambda progress: None,
     ) -> bool:
         """Have what is missing of the episodes played; whether that came to its end. `watch` is called a few times a
@@ -142,7 +142,7 @@ class Bench:
         left, began = self.missing(wanted), time.monotonic()
         waiting, new, there = iter(left), 0, len(wanted) - len(left)
         watch(Progress(there, len(wanted), 0, 0.0))
-        for ended in done_by(crew, lambda: next(waiting, None), lambda: self._cancelled, tries=1):
+        for ended in run_jobs(pool, lambda: next(waiting, None), lambda: self._cancelled, tries=1):
             for each in ended:
                 self._rows.add(row_of(each))
             new += len(ended)

@@ -17,7 +17,7 @@ from executive.errors import ExecutiveError
 from executive.faults import parse_fault
 from executive.lab.campaign.design import KEYS, Episode
 from executive.lab.campaign.scoring import Scorer, Strike, Tally
-from executive.lab.common.process_pool import Ended, Tell
+from executive.lab.common.process_pool import JobResult, ReportProgress
 from executive.trace.report.summary import Summary
 from executive.types import Facts
 from executive.util.files import legible
@@ -72,7 +72,7 @@ class Row:
         return tuple(str(getattr(self, name)) for name in KEYS)
 
 
-Player = Callable[[Episode, Tell], Row]
+Player = Callable[[Episode, ReportProgress], Row]
 """Plays an episode. It may raise anything; whoever has it play makes a row of that, too."""
 
 
@@ -92,7 +92,7 @@ class Simulated:
         self._work, self._models = work, models
         self._eyes: dict[tuple[str, str, EstimatorConfig], S3E] = {}
 
-    def __call__(self, episode: Episode, tell: Tell = lambda done: None) -> Row:
+    def __call__(self, episode: Episode, tell: ReportProgress = lambda done: None) -> Row:
         with tempfile.TemporaryDirectory(dir=self._work, prefix="episode-") as runs:
             config = replace(episode.config, runs=Path(runs))
             own = [str(parse_fault(spec)) for spec in episode.contender.faults]
@@ -167,7 +167,7 @@ def row(episode: Episode, summary: Summary, tally: Tally, lost: Sequence[str]) -
     )
 
 
-def row_of(ended: Ended[Episode, Row]) -> Row:
+def row_of(ended: JobResult[Episode, Row]) -> Row:
     """The row of an episode, whether or not it could be played to an end."""
     why = ended.outcome
     if isinstance(why, Row):

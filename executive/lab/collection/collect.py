@@ -2,7 +2,7 @@
 
 A collection is its first episodes, as many as it takes for the points that were asked for; the last one is cut. An
 episode depends on the seed and its own number alone, so it does not matter which process plays it, nor when: a
-collection that was killed goes on with the episodes that it lacks, and one may be extended to more points.
+collection that was killed resumes with the episodes that are missing, and one may be extended to more points.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from executive.errors import ExecutiveError, InputError
 from executive.lab.collection import data_card, dataset
 from executive.lab.collection.dataset import Log
 from executive.lab.collection.episode import MOST_FAILURES, MOST_POINTS, Collector
-from executive.lab.common.folder_lock import lock, sweep
-from executive.lab.common.process_pool import Crew, LostError, Processes, Tell, done_by
+from executive.lab.common.folder_lock import lock, remove_partial
+from executive.lab.common.process_pool import ProcessPool, ReportProgress, WorkerLostError, WorkerPool, run_jobs
 from executive.lab.common.progress import Progress
 from executive.sim.spec import read_scene
 from executive.util.files import legible
@@ -46,9 +46,11 @@ DECIDING = ("executive", "daqp", "mink", "mujoco", "numpy", "ompl", "pillow", "r
 
 @dataclass(frozen=True, slots=True)
 class CollectConfig:
-    """What to collect, and where. `grasp_noise` is a standard deviation in m, `slips` the chance that the gripper lets
-    go in an action that carries something, `per_episode` the number of completed actions before a reset; `jobs`
-    processes share the work (all cores unless it is given) and change nothing in the data."""
+    """The settings of a collection.
+
+    `grasp_noise` is a standard deviation in m, `slips` the probability that the gripper opens in an action that carries
+    something, `per_episode` the number of completed actions before a reset, and `jobs` the number of processes (one per
+    core if not given), on which the data does not depend."""
 
     domain: str
     out: Path
@@ -77,7 +79,7 @@ class CollectConfig:
 
     @property
     def command(self) -> str:
-        """The command that collects this, and goes on with it."""
+        """The command that starts this collection, and that resumes it."""
         words = ["executive", "collect", self.domain, "--points", str(self.points), "--seed", str(self.seed)]
         words += ["--out", str(self.out)]
         if self.problem is not None:
@@ -92,14 +94,14 @@ class CollectConfig:
 
 
 class Task(NamedTuple):
-    """An episode to be played, and after how many points it is cut."""
+    """An episode to play, and the number of points after which it is cut."""
 
     episode: int
     most: int
 
 
 class Played(NamedTuple):
-    """What an episode came to, and its file."""
+    """The log of a finished episode, and the content of its file."""
 
     log: Log
     shard: bytes
@@ -124,7 +126,7 @@ class Collection:
         self._check_folder()
         self._lock = lock(config.out, "collecting", config.command)
         try:
-            sweep(config.out, config.out / dataset.SHARDS)
+            remove_partial(config.out, config.out / dataset.SHARDS)
             self._logs = self._read_logs(warn)
         except BaseException:
             self.close()
@@ -139,34 +141,35 @@ class Collection:
         self.close()
 
     def close(self) -> None:
-        """Let another process collect in this folder."""
+        """Releases the lock of the folder."""
         self._lock.release()
 
     @property
     def player(self) -> Callable[[], Player]:
-        """Makes what plays its episodes, in any process."""
+        """Makes the `Player` of this collection in a worker process."""
         return partial(Player, self.config, self._digest, tuple(self._cameras))
 
     def cancel(self) -> None:
-        """Have `run` stop soon. A flag: safe from any thread and signal handler."""
+        """Makes `run` stop soon. It sets a flag: safe from any thread and signal handler."""
         self._cancelled = True
 
     def run(
         self,
         watch: Callable[[Progress], None] = lambda progress: None,
-        hire: Callable[[], Crew[Task, Played]] | None = None,
+        make_pool: Callable[[], WorkerPool[Task, Played]] | None = None,
     ) -> dict[str, Any] | None:
-        """Collect what is missing, write the data card, and return the manifest; None when cancelled.
+        """Collects the missing points, writes the data card, and returns the manifest; None when cancelled.
 
-        `watch` is called a few times a second. `hire` says who plays, if anything is missing. Without it, processes are
-        spawned: a script that calls this guards its own start with `if __name__ == "__main__"`, as multiprocessing
-        asks.
+        Args:
+            watch: called a few times a second.
+            make_pool: makes the pool that plays missing episodes. Without it processes are spawned, so that a script
+                that calls this has to guard its entry point with `if __name__ == "__main__"` (multiprocessing).
         """
         if self._lacking():
             self._write_manifest(finished=False)
             self._drop_cut()
-            crew = Processes[Task, Played](self.player, self.config.jobs) if hire is None else hire()
-            with crew as players:
+            pool = ProcessPool[Task, Played](self.player, self.config.jobs) if make_pool is None else make_pool()
+            with pool as players:
                 self._collect(players, watch)
             if self._cancelled:
                 return None
@@ -180,22 +183,23 @@ class Collection:
     # Which episodes.
 
     def _lacking(self) -> bool:
-        """Whether what is there is not the collection yet: its first episodes, with all their points and no more."""
+        """Whether episodes are missing: a complete collection has its first episodes, and exactly the requested
+        points."""
         numbers = sorted(self._logs)
         points = sum(log.points for log in self._logs.values())
         whole = all(self._logs[number].ending is not dataset.Ending.CUT for number in numbers[:-1])
         return not (numbers == list(range(len(numbers))) and whole and points == self.config.points)
 
     def _drop_cut(self) -> None:
-        """An episode that was cut short is played again, for the points that are asked for now."""
+        """Drops the episode that was cut short: it is played again up to the number of points that is requested now."""
         for number in [number for number, log in self._logs.items() if log.ending is dataset.Ending.CUT]:
             del self._logs[number]
 
     def _next(self, busy: AbstractSet[int]) -> Task | None:
-        """The first episode that is missing, if even full episodes before it would leave points to be made, and how
-        many of its points are of use.
+        """The first missing episode, if points would be lacking even with full episodes before it, and how many of its
+        points are needed.
 
-        So no episode is ever played in vain, and which ones are played does not depend on who is quicker.
+        So no episode is played in vain, and the set of episodes does not depend on the speed of the workers.
         """
         full, before, number = self.config.per_episode, 0, 0
         while number in self._logs or number in busy:
@@ -206,38 +210,38 @@ class Collection:
         return Task(number, min(left, full) if certain else full) if left > 0 else None
 
     def _cut(self) -> None:
-        """Leave the points that were asked for."""
+        """Removes the points beyond the requested number."""
         left = self.config.points
         for number in sorted(self._logs):
             if self._logs[number].points > left:
                 self._logs[number] = dataset.cut_shard(self.config.out, self._digest, self._logs[number], left)
             left -= self._logs[number].points
 
-    # Who plays them.
+    # The work.
 
-    def _collect(self, crew: Crew[Task, Played], watch: Callable[[Progress], None]) -> None:
+    def _collect(self, pool: WorkerPool[Task, Played], watch: Callable[[Progress], None]) -> None:
         kept, began = sum(log.points for log in self._logs.values()), time.monotonic()
         playing: set[int] = set()
 
-        def following() -> Task | None:
+        def next_task() -> Task | None:
             task = self._next(playing)
             if task is not None:
                 playing.add(task.episode)
             return task
 
         made = 0
-        for ended in done_by(crew, following, lambda: self._cancelled):
-            for each in ended:
+        for results in run_jobs(pool, next_task, lambda: self._cancelled):
+            for each in results:
                 playing.remove(each.job.episode)
                 try:
                     self._keep(each.value())
-                except LostError as error:
+                except WorkerLostError as error:
                     raise ExecutiveError(
-                        f"episode {each.job.episode}: {error}; go on with: {self.config.command}"
+                        f"episode {each.job.episode}: {error}; resume with: {self.config.command}"
                     ) from None
                 made += self._logs[each.job.episode].points
             self._give_up_if_fruitless()
-            new = round(made + crew.under_way)
+            new = round(made + pool.running_progress)
             watch(Progress(min(kept + new, self.config.points), self.config.points, new, time.monotonic() - began))
 
     def _keep(self, played: Played) -> None:
@@ -257,7 +261,7 @@ class Collection:
                 f"no action was completed in {len(self._logs)} episodes; the last one: {last}", file=self.domain.folder
             )
 
-    # What is kept beside the episodes.
+    # The folder.
 
     def _check_folder(self) -> None:
         out = self.config.out
@@ -282,7 +286,7 @@ class Collection:
             )
 
     def _read_logs(self, warn: Callable[[str], None]) -> dict[int, Log]:
-        """What there is already. What is damaged is left out, and said."""
+        """Reads the episodes that are there. A damaged one is left out, with a warning."""
         folder, logs = self.config.out / dataset.SHARDS, {}
         if not (self.config.out / dataset.MANIFEST).exists():
             self._write_manifest(finished=False)
@@ -290,7 +294,7 @@ class Collection:
         for path in sorted(folder.iterdir()):
             number = path.stem.removeprefix("episode-")
             if not number.isdecimal() or path != dataset.shard(self.config.out, int(number)):
-                raise InputError("is not a file of a collection; take it away", file=path)
+                raise InputError("is not a file of a collection; remove it", file=path)
             try:
                 logs[int(number)] = dataset.read_log(self.config.out, self._digest, int(number))
             except InputError as error:
@@ -314,10 +318,10 @@ class Collection:
 
 
 class Player:
-    """Plays the episodes of a collection; made anew in each process.
+    """Plays the episodes of a collection; each worker process makes its own.
 
     Args:
-        digest: what the files belong to.
+        digest: of the description of the collection; it is written to each file.
     """
 
     def __init__(self, config: CollectConfig, digest: str, cameras: Sequence[str]) -> None:
@@ -327,7 +331,7 @@ class Player:
         )
         self._digest, self._cameras = digest, cameras
 
-    def __call__(self, task: Task, tell: Tell) -> Played:
+    def __call__(self, task: Task, tell: ReportProgress) -> Played:
         log, points = self._collector.play(*task, tell)
         atoms = self._collector.domain.task.atoms
         return Played(log, dataset.shard_bytes(self._digest, log, points, atoms, self._cameras))

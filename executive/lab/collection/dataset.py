@@ -195,7 +195,7 @@ class Reader:
             if camera not in known:
                 raise InputError(f"has no camera {camera!r}; {nearest(camera, known)}", file=folder)
         if not self._manifest["finished"]:
-            raise InputError(f"is not finished; go on with: {self._manifest['command']}", file=folder)
+            raise InputError(f"is not finished; resume with: {self._manifest['command']}", file=folder)
         self._cameras = [camera for camera in known if cameras is None or camera in cameras]
         self._episode, self._rows = -1, list[dict[str, Any]]()
 

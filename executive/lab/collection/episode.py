@@ -24,7 +24,7 @@ from executive.domain.pddl import Schema
 from executive.errors import ExecutiveError
 from executive.faults import Fault, FaultInjector
 from executive.lab.collection.dataset import Attempt, Ending, Log, Point
-from executive.lab.common.process_pool import Tell
+from executive.lab.common.process_pool import ReportProgress
 from executive.protocols import SkillContext
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
@@ -76,7 +76,7 @@ class Collector:
         self._steps = instances(domain.parsed)
         self._skills = load_skills(domain)
 
-    def play(self, number: int, most: int, tell: Tell) -> Episode:
+    def play(self, number: int, most: int, tell: ReportProgress) -> Episode:
         """One episode from its reset on, cut after `most` points. `tell` is told their number at each.
 
         The items stand anywhere upright: what the problem declares of their places is for runs.
@@ -93,7 +93,7 @@ class Collector:
         finally:
             world.close()
 
-    def _play(self, number: int, most: int, world: MujocoWorld, tell: Tell) -> Episode:
+    def _play(self, number: int, most: int, world: MujocoWorld, tell: ReportProgress) -> Episode:
         truth, atoms = Truth(world, self.domain.relations, self.domain.task.parameters), self.domain.task.atoms
         chance, faults = self._chance(number, 0), FaultInjector([self._slips], world, self._derived(number, 3))
         attempts: list[Attempt] = []

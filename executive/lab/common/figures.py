@@ -1,4 +1,4 @@
-"""How pictures of reports are drawn: their colours, and as PNG files that are the same each time."""
+"""Figures of reports: colours, and PNG files that are identical on each run."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ GREY, INK = "#d9dde3", "#22262b"
 
 
 def figure(width: float, height: float) -> Figure:
-    """An empty picture, in inches."""
+    """An empty figure of a size in inches."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def legend(figure: Figure, names: Sequence[str], columns: int = 1) -> None:
-    """Which colour is which, above everything, where there is more than one."""
+    """A legend of the colours above everything, if there is more than one."""
     from matplotlib.lines import Line2D
 
     if len(names) > 1:
@@ -32,7 +32,7 @@ def legend(figure: Figure, names: Sequence[str], columns: int = 1) -> None:
 
 
 def png(figure: Figure) -> bytes:
-    """The picture as a file."""
+    """The figure as the content of a PNG file."""
     buffer = io.BytesIO()
     options: dict[str, Any] = {"metadata": {"Software": None}}
     for axes in figure.axes:

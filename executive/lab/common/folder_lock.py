@@ -1,4 +1,4 @@
-"""Folders that long work goes on in: one process at a time, and what a killed one left half written is taken away."""
+"""Locks on the folders of long work: one process at a time; and the removal of partial files of a killed process."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from executive.util.files import parse_json
 
 LOCK = ".lock"
 
-_PASSING = re.compile(r"\..+\.[0-9]+")
-"""How what is being written is called until it is whole: `.name.pid`."""
+_PARTIAL = re.compile(r"\..+\.[0-9]+")
+"""The name of a file or folder while it is being written: `.name.pid`."""
 
 
 class Lock:
-    """Holds a folder until `release`, or until this process ends, however it does."""
+    """The lock of a folder, held until `release` or until this process ends, however it ends."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor: int | None = descriptor
 
     def release(self) -> None:
-        """Let another process work in the folder."""
+        """Releases the lock."""
         if self._descriptor is not None:
             with suppress(OSError):
                 os.ftruncate(self._descriptor, 0)
@@ -37,12 +37,12 @@ class Lock:
 
 
 def lock(folder: Path, doing: str, command: str) -> Lock:
-    """Make a folder where there is none, and keep other processes from working in it. The system lets go of it when
-    this process ends, so that a lock whose holder is dead holds nobody up.
+    """Creates a folder if needed, and locks it. The system releases the lock when this process ends, so that none
+    outlives its holder.
 
     Args:
-        doing: what is done in it, such as "collecting".
-        command: the command that does it; with this process and the time, what others are told.
+        doing: what is done in the folder, such as "collecting".
+        command: the command that does it; others read it, with the process id and the time, in their error message.
 
     Raises:
         InputError: another process works in it, or it cannot be written to.
@@ -61,28 +61,27 @@ def lock(folder: Path, doing: str, command: str) -> Lock:
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, (json.dumps(holder) + "\n").encode(), 0)
     except OSError as error:
-        told = _holder(descriptor)
+        holder_text = _holder(descriptor)
         os.close(descriptor)
         if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
-            raise InputError(f"another process is working in this folder{told}", file=folder) from None
-        raise InputError(f"cannot be held for this process alone ({error.strerror})", file=folder) from None
+            raise InputError(f"another process is working in this folder{holder_text}", file=folder) from None
+        raise InputError(f"cannot be locked ({error.strerror})", file=folder) from None
     return Lock(descriptor)
 
 
-def sweep(*folders: Path) -> None:
-    """Take away what a process that was killed had half written. For whoever holds the lock."""
+def remove_partial(*folders: Path) -> None:
+    """Removes the partial files and folders that a killed process left. The caller holds the lock."""
     for folder in folders:
         for each in folder.iterdir() if folder.is_dir() else ():
-            if _PASSING.fullmatch(each.name):
+            if _PARTIAL.fullmatch(each.name):
                 shutil.rmtree(each) if each.is_dir() and not each.is_symlink() else each.unlink(missing_ok=True)
 
 
 def _holder(descriptor: int) -> str:
-    """Who holds a folder, as far as that is told."""
+    """The text about the holder of a lock; empty where it cannot be read."""
     try:
-        said = parse_json(os.pread(descriptor, 10_000, 0))
-        return (
-            f", {said['doing']} since {said['since']}: process {int(said['pid'])} on {said['host']}, {said['command']}"
-        )
+        holder = parse_json(os.pread(descriptor, 10_000, 0))
+        process = f"process {int(holder['pid'])} on {holder['host']}"
+        return f", {holder['doing']} since {holder['since']}: {process}, {holder['command']}"
     except (OSError, ValueError, KeyError, TypeError):
         return ""

@@ -1,4 +1,4 @@
-"""What reports are made of: one HTML file each that opens offline, with style and pictures inside it."""
+"""Building blocks of reports: one HTML file each that opens offline, with style and pictures inside it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DASH = "\N{EN DASH}"
 
 
 def page(title: str, parts: Iterable[str]) -> str:
-    """The whole file, of parts that are HTML already."""
+    """The whole file, from parts that are HTML already."""
     head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
     style = f"<style>{STYLE.read_text(encoding='utf-8')}</style>"
     body = lines([f"<h1>{escape(title)}</h1>", *parts])
@@ -22,12 +22,12 @@ def page(title: str, parts: Iterable[str]) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number as it is printed everywhere; a dash where there is none."""
+    """A number as it is printed everywhere; a dash for None."""
     return DASH if value is None else f"{value:.{digits}f}"
 
 
 def share(value: float | None) -> str:
-    """A share in percent."""
+    """A share in percent; a dash for None."""
     return DASH if value is None else f"{100 * value:.1f} %"
 
 
@@ -38,13 +38,13 @@ def tags(texts: Iterable[str]) -> str:
 
 
 def tiles(shown: Iterable[tuple[str, str]]) -> str:
-    """Numbers in large print, each with what it is."""
+    """Numbers in large print, each with its description."""
     each = "".join(f'<div class="tile"><b>{value}</b><span>{what}</span></div>' for value, what in shown)
     return f'<div class="tiles">{each}</div>'
 
 
 def prose(text: str) -> str:
-    """Text in which backticks are around code, as HTML."""
+    """HTML of a text in which backticks are around code."""
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
@@ -68,12 +68,12 @@ def table(heads: Iterable[str], rows: Iterable[Sequence[str]], texts: int = 1, g
 
 
 def figure(heading: str, text: str, png: bytes) -> str:
-    """A picture under a heading, with what is to be seen in it."""
+    """A picture under a heading, with its description."""
     data = base64.b64encode(png).decode()
     image = f'<img alt="{escape(heading)}" src="data:image/png;base64,{data}">'
     return f"<h2>{escape(heading)}</h2><p>{escape(text)}</p><figure>{image}</figure>"
 
 
 def lines(parts: Iterable[str]) -> str:
-    """Parts one below the other; empty ones are left out."""
+    """Joins parts by newlines; empty ones are left out."""
     return "\n".join(part for part in parts if part)

@@ -1,7 +1,7 @@
-"""Lines in a file that are written down as the work goes on, so that it can be gone on with.
+"""A journal: a file to which long work appends a line per result, so that it can be resumed.
 
-A line is written in one piece and is on disk before the next thing is done. A last line without its newline was cut off
-by a kill and is cut off here, too.
+A line is written in one piece, and is on disk before `add` returns. A last line without its newline was cut off when a
+process was killed; it is removed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from executive.errors import InputError
 
 
 class Journal:
-    """A file that lines are added to.
+    """A file to which lines are appended.
 
     Raises:
         InputError: it cannot be written.
@@ -28,7 +28,7 @@ class Journal:
             raise InputError(f"cannot be written ({error.strerror})", file=path) from None
 
     def add(self, line: bytes) -> None:
-        """Write a line down, its newline included.
+        """Appends a line, which includes its newline.
 
         Raises:
             InputError: the disk is full or gone; what was written before stays readable.
@@ -47,7 +47,7 @@ class Journal:
 
 
 def lines(path: Path) -> list[bytes]:
-    """The whole lines of a file, with their newlines; none of one that is not there.
+    """The complete lines of a file with their newlines; none if there is no file.
 
     Raises:
         InputError: it cannot be read.

@@ -1,9 +1,8 @@
-"""Who does long work: processes of this machine, one job at a time each. Collections, trainings, evaluations and
-campaigns have theirs done here, or by Ray (`executive.lab.common.ray_pool`); who does it makes no difference to what
-comes out.
+"""A pool of worker processes on this machine, each with one job at a time, for collections, trainings, evaluations and
+campaigns. `executive.lab.common.ray_pool` has the same interface over Ray; results do not depend on which is used.
 
-A process that dies takes its own job with it and no other; one whose job takes too long is ended, with all that it has
-started. The next job gets a new process. What a job raises arrives as itself.
+A worker that dies loses its own job and no other. A worker whose job exceeds the time limit is killed with its process
+group. The next job gets a new process. An exception that a job raises arrives with its own type.
 """
 
 from __future__ import annotations
@@ -27,101 +26,101 @@ from executive.util.processes import deaf, settle
 from executive.util.threads import cores, shared_by
 
 TRIES = 3
-"""How often a job is begun whose process was lost each time."""
+"""How many times a job is started, at most, whose worker was lost each time."""
 
 TICK = 0.2
-"""Seconds between two looks at how far the work is."""
+"""Seconds for which `run_jobs` waits for results at a time."""
 
 J = TypeVar("J")
 V = TypeVar("V")
 
-Tell = Callable[[float], None]
-"""Says how far a job is, in whatever its work is counted in."""
+ReportProgress = Callable[[float], None]
+"""Reports how much of a job is done, in the unit in which its work is counted."""
 
-Work = Callable[[J, Tell], V]
-"""Does a job. It may raise anything."""
+Work = Callable[[J, ReportProgress], V]
+"""Computes the result of a job. It may raise any exception."""
 
 
-class LostError(ExecutiveError):
-    """Whoever did a job died, or was ended because it took too long."""
+class WorkerLostError(ExecutiveError):
+    """The worker of a job died, or was killed at the time limit."""
 
 
 @dataclass(frozen=True, slots=True)
-class Ended(Generic[J, V]):
-    """A job that has come to an end, after so many wall `seconds`: with a value, or with what was raised."""
+class JobResult(Generic[J, V]):
+    """The result of a job: the value it returned or the exception it raised, and how many wall `seconds` it took."""
 
     job: J
     outcome: V | Exception
     seconds: float
 
     def value(self) -> V:
-        """What came of it; raises what was raised."""
+        """Returns the value, or raises the exception of the job."""
         if isinstance(self.outcome, Exception):
             raise self.outcome
         return self.outcome
 
 
-class Crew(Protocol[J, V]):
-    """Does jobs, several at a time. A context manager; on the way out whoever still works is ended, and that job is
+class WorkerPool(Protocol[J, V]):
+    """Runs several jobs at a time. A context manager: at its exit running workers are killed, and their jobs are
     lost."""
 
-    def __enter__(self) -> Crew[J, V]: ...
+    def __enter__(self) -> WorkerPool[J, V]: ...
 
     def __exit__(self, *_: object) -> None: ...
 
     @property
     def free(self) -> int:
-        """How many more jobs could be under way."""
+        """The number of jobs that could be submitted now."""
         ...
 
     @property
-    def under_way(self) -> float:
-        """How much of the jobs that are under way is done, as far as that is told."""
+    def running_progress(self) -> float:
+        """The sum of the progress that running jobs have reported."""
         ...
 
-    def hand(self, job: J) -> None:
-        """Have a job done by someone who is free."""
+    def submit(self, job: J) -> None:
+        """Starts a job on an idle worker."""
         ...
 
-    def gather(self, timeout: float) -> list[Ended[J, V]]:
-        """The jobs that have come to an end since; wait at most `timeout` seconds for news."""
+    def gather(self, timeout: float) -> list[JobResult[J, V]]:
+        """Returns the results that have arrived, after waiting at most `timeout` seconds for one."""
         ...
 
 
-def done_by(
-    crew: Crew[J, V], following: Callable[[], J | None], stopped: Callable[[], bool], tries: int = TRIES
-) -> Iterator[list[Ended[J, V]]]:
-    """Have jobs done until there are none left, or `stopped` says so: several times a second, those that have come to
-    an end.
+def run_jobs(
+    pool: WorkerPool[J, V], next_job: Callable[[], J | None], stopped: Callable[[], bool], tries: int = TRIES
+) -> Iterator[list[JobResult[J, V]]]:
+    """Runs jobs until none is left or `stopped` returns true; yields the results of each interval, several times a
+    second.
 
     Args:
-        following: the next job; None while there is none, and for good once nothing is under way.
-        tries: how often a job is begun, at most, whose worker was lost each time.
+        next_job: returns the next job, or None while there is none; None with no running job ends the iteration.
+        tries: how many times a job is started, at most, whose worker was lost each time.
     """
-    again: list[J] = []
+    retries: list[J] = []
     lost: list[J] = []
     busy = 0
     while not stopped():
-        while crew.free and (job := again.pop() if again else following()) is not None:
-            crew.hand(job)
+        while pool.free and (job := retries.pop() if retries else next_job()) is not None:
+            pool.submit(job)
             busy += 1
         if not busy:
             return
-        ended = []
-        for each in crew.gather(TICK):
+        results = []
+        for each in pool.gather(TICK):
             busy -= 1
-            if isinstance(each.outcome, LostError):
+            if isinstance(each.outcome, WorkerLostError):
                 lost.append(each.job)
                 if lost.count(each.job) < tries:
-                    again.append(each.job)
+                    retries.append(each.job)
                     continue
-            ended.append(each)
-        yield ended
+            results.append(each)
+        yield results
 
 
-def outcome(work: Callable[[], V]) -> V | Exception:
-    """What comes of a job, in a form that reaches another process: an exception that cannot be sent as itself becomes
-    one that says the same, and where it was raised is told with each."""
+def run_captured(work: Callable[[], V]) -> V | Exception:
+    """Runs a job and returns its value or its exception in a form that can be pickled. An exception that cannot be
+    pickled becomes a RuntimeError with the same text; each carries the worker's traceback as a note."""
     try:
         return work()
     except Exception as error:
@@ -133,13 +132,13 @@ def outcome(work: Callable[[], V]) -> V | Exception:
         return error
 
 
-def too_long(limit: float) -> LostError:
-    """What is said of a job that took longer than so many seconds."""
-    return LostError(f"took longer than {limit:g} s and was ended")
+def time_limit_error(limit: float) -> WorkerLostError:
+    """The error of a job that exceeded its time limit in seconds."""
+    return WorkerLostError(f"took longer than {limit:g} s and was ended")
 
 
 @dataclass(slots=True)
-class _Member(Generic[J]):
+class _Worker(Generic[J]):
     process: SpawnProcess
     connection: Connection
     job: J | None = None
@@ -147,15 +146,15 @@ class _Member(Generic[J]):
     done: float = 0.0
 
 
-class Processes(Generic[J, V]):
-    """A crew of spawned processes. They end with this one, however it ends.
+class ProcessPool(Generic[J, V]):
+    """A pool of spawned processes. They end with this process, however it ends.
 
     Args:
-        prepare: called in each process; makes what works. Importable there by its name.
-        jobs: how many processes; as many as there are cores if not given.
-        limit: wall seconds after which a job is ended.
-        before: called before a job is handed out.
-        alone: whether each process does its sums on one thread, so that the number of processes changes none of them.
+        prepare: called once in each worker; returns the function that runs jobs. It has to be importable by name.
+        jobs: the number of workers; the number of cores if not given.
+        limit: wall seconds after which a job's worker is killed.
+        before: called before each job is submitted.
+        single_threaded: whether each worker computes on one thread, so that results do not depend on their number.
     """
 
     def __init__(
@@ -164,103 +163,103 @@ class Processes(Generic[J, V]):
         jobs: int | None,
         limit: float = math.inf,
         before: Callable[[], None] = lambda: None,
-        alone: bool = False,
+        single_threaded: bool = False,
     ) -> None:
         self._prepare, self._jobs, self._limit, self._before = prepare, jobs or cores(), limit, before
-        self._alone = alone
+        self._single_threaded = single_threaded
         self._context = multiprocessing.get_context("spawn")
-        self._members: list[_Member[J]] = []
+        self._workers: list[_Worker[J]] = []
 
-    def __enter__(self) -> Processes[J, V]:
+    def __enter__(self) -> ProcessPool[J, V]:
         return self
 
     def __exit__(self, *_: object) -> None:
-        while self._members:
-            self._dismiss(self._members[-1])
+        while self._workers:
+            self._stop(self._workers[-1])
 
     @property
     def free(self) -> int:
         return self._jobs - len(self._busy())
 
     @property
-    def under_way(self) -> float:
-        return sum(member.done for member in self._busy())
+    def running_progress(self) -> float:
+        return sum(worker.done for worker in self._busy())
 
-    def hand(self, job: J) -> None:
+    def submit(self, job: J) -> None:
         self._before()
-        idle = next((member for member in self._members if member.job is None), None)
-        member = idle or self._hire()
-        member.job, member.since, member.done = job, time.monotonic(), 0.0
-        with suppress(OSError):  # it has died meanwhile, which `gather` will find out
-            member.connection.send(job)
+        idle = next((worker for worker in self._workers if worker.job is None), None)
+        worker = idle or self._start_worker()
+        worker.job, worker.since, worker.done = job, time.monotonic(), 0.0
+        with suppress(OSError):  # the worker has died meanwhile; `gather` notices that
+            worker.connection.send(job)
 
-    def gather(self, timeout: float) -> list[Ended[J, V]]:
-        busy = {member.connection: member for member in self._busy()}
-        first = min((member.since for member in busy.values()), default=0.0) + self._limit - time.monotonic()
+    def gather(self, timeout: float) -> list[JobResult[J, V]]:
+        busy = {worker.connection: worker for worker in self._busy()}
+        first = min((worker.since for worker in busy.values()), default=0.0) + self._limit - time.monotonic()
         ready = wait(list(busy), max(0.0, min(timeout, first)))
-        heard = [self._heard(busy[one]) for one in ready if isinstance(one, Connection)]
-        ended = [each for each in heard if each is not None]
-        for member in self._busy():
-            if time.monotonic() - member.since > self._limit:
-                ended.append(self._lost(member, too_long(self._limit)))
-        return ended
+        received = [self._receive(busy[one]) for one in ready if isinstance(one, Connection)]
+        results = [each for each in received if each is not None]
+        for worker in self._busy():
+            if time.monotonic() - worker.since > self._limit:
+                results.append(self._lost(worker, time_limit_error(self._limit)))
+        return results
 
-    def _busy(self) -> list[_Member[J]]:
-        return [member for member in self._members if member.job is not None]
+    def _busy(self) -> list[_Worker[J]]:
+        return [worker for worker in self._workers if worker.job is not None]
 
-    def _hire(self) -> _Member[J]:
+    def _start_worker(self) -> _Worker[J]:
         ours, theirs = self._context.Pipe()
         arguments = (theirs, pickle.dumps(self._prepare))
-        with deaf(), shared_by(self._jobs, self._alone):
+        with deaf(), shared_by(self._jobs, self._single_threaded):
             process = self._context.Process(target=_work, args=arguments)
             process.start()
         theirs.close()
-        self._members.append(_Member(process, ours))
-        return self._members[-1]
+        self._workers.append(_Worker(process, ours))
+        return self._workers[-1]
 
-    def _heard(self, member: _Member[J]) -> Ended[J, V] | None:
-        """The end of a job, if that is what a process tells of."""
-        assert member.job is not None
+    def _receive(self, worker: _Worker[J]) -> JobResult[J, V] | None:
+        """Reads a worker's message: the result of its job, or None if it reports progress."""
+        assert worker.job is not None
         try:
-            news: float | tuple[V | Exception] = member.connection.recv()
+            message: float | tuple[V | Exception] = worker.connection.recv()
         except (EOFError, OSError):
-            member.process.join(5.0)
-            code = member.process.exitcode
+            worker.process.join(5.0)
+            code = worker.process.exitcode
             how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
             why = f"its process died {how} (was there enough memory? --jobs takes fewer of them)"
-            return self._lost(member, LostError(why))
-        if isinstance(news, float):
-            member.done = news
+            return self._lost(worker, WorkerLostError(why))
+        if isinstance(message, float):
+            worker.done = message
             return None
-        ended = Ended(member.job, news[0], time.monotonic() - member.since)
-        member.job = None
-        return ended
+        result = JobResult(worker.job, message[0], time.monotonic() - worker.since)
+        worker.job = None
+        return result
 
-    def _lost(self, member: _Member[J], why: LostError) -> Ended[J, V]:
-        assert member.job is not None
-        ended: Ended[J, V] = Ended(member.job, why, time.monotonic() - member.since)
-        self._dismiss(member)
-        return ended
+    def _lost(self, worker: _Worker[J], why: WorkerLostError) -> JobResult[J, V]:
+        assert worker.job is not None
+        result: JobResult[J, V] = JobResult(worker.job, why, time.monotonic() - worker.since)
+        self._stop(worker)
+        return result
 
-    def _dismiss(self, member: _Member[J]) -> None:
-        """End a process, and all that it has started."""
-        self._members.remove(member)
-        member.connection.close()
-        pid = member.process.pid
+    def _stop(self, worker: _Worker[J]) -> None:
+        """Kills a worker and its process group."""
+        self._workers.remove(worker)
+        worker.connection.close()
+        pid = worker.process.pid
         if pid is not None:
-            with suppress(ProcessLookupError, PermissionError):  # it has made no group of its own yet
+            with suppress(ProcessLookupError, PermissionError):  # it has not made its own process group yet
                 os.killpg(pid, signal.SIGKILL)
-        member.process.kill()
-        member.process.join()
+        worker.process.kill()
+        worker.process.join()
 
 
 def _work(connection: Connection, prepare: bytes) -> None:
-    """What a process does: the jobs that it is handed, until nobody hands it any.
+    """The main function of a worker: runs jobs until the connection is closed.
 
     Args:
-        prepare: pickled, for reading it may import much, and by then this process has to leave with its parent.
+        prepare: pickled, because unpickling may import much, and this process has to end with its parent before that.
     """
-    os.setsid()  # a group of its own, which is ended as a whole
+    os.setsid()  # its own process group, which is killed as a whole
     settle()
     works: list[Work[object, object]] = []
 
@@ -272,8 +271,8 @@ def _work(connection: Connection, prepare: bytes) -> None:
     with suppress(EOFError, OSError):
         while True:
             job = connection.recv()
-            came = outcome(lambda job=job: once(job))  # type: ignore[misc]
+            result = run_captured(lambda job=job: once(job))  # type: ignore[misc]
             try:
-                connection.send((came,))
+                connection.send((result,))
             except (pickle.PicklingError, TypeError, AttributeError) as error:
-                connection.send((RuntimeError(f"what came of a job cannot be sent: {error}"),))
+                connection.send((RuntimeError(f"the result of a job cannot be pickled: {error}"),))

@@ -1,4 +1,4 @@
-"""How far long work is: a bar on a terminal, a line now and then elsewhere."""
+"""Progress of long work: a bar on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 if TYPE_CHECKING:
     from rich.progress import TaskID
 
-_EVERY = 30.0
-"""Seconds between two lines where there is no terminal."""
+_REPORT_EVERY = 30.0
+"""Seconds between two lines without a terminal."""
 
 
 class Progress(NamedTuple):
-    """How far a collection or an evaluation is: points of all that were asked for, of which `new` were made in
-    `seconds`."""
+    """The progress of a collection, evaluation or campaign: `points` of `wanted`, of which `new` were made in
+    `seconds` by this process."""
 
     points: int
     wanted: int
@@ -26,7 +26,7 @@ class Progress(NamedTuple):
 
 class Stage(NamedTuple):
     """How far a training is: in which of its `stages`, counted from 1, with `done` of `wanted` steps; `left` are the
-    seconds that all of it still takes, as far as that can be told, and `told` says how good it is by now."""
+    seconds that all of it still takes, as far as that can be metrics, and `metrics` says how good it is by now."""
 
     stage: str
     number: int
@@ -34,25 +34,26 @@ class Stage(NamedTuple):
     done: float
     wanted: int
     left: float | None
-    told: str = ""
+    metrics: str = ""
 
 
-class Outlook:
-    """How long work in several stages still takes: by how long the stage at hand takes, and by how the stages compare.
+class RemainingTime:
+    """Estimates the remaining time of work in several stages from the pace of the current stage and the expected
+    ratios.
 
     Args:
-        efforts: about how many seconds each stage takes, in order.
+        efforts: stage -> its expected seconds, in order.
     """
 
     def __init__(self, efforts: Mapping[str, float]) -> None:
         self._efforts = dict(efforts)
 
     def place(self, stage: str) -> tuple[int, int]:
-        """Which stage it is, counted from 1, and of how many."""
+        """The number of a stage, from 1, and the number of stages."""
         return list(self._efforts).index(stage) + 1, len(self._efforts)
 
     def left(self, stage: str, done: float, wanted: float, new: float, seconds: float) -> float | None:
-        """Seconds that this stage and all later ones still take, if `new` of its `wanted` steps took `seconds`."""
+        """The remaining seconds of this stage and all later ones, if `new` of its `wanted` steps took `seconds`."""
         if new <= 0.0 or seconds <= 0.0:
             return None
         expected, later = self._efforts[stage], list(self._efforts.values())[self.place(stage)[0] :]
@@ -61,8 +62,8 @@ class Outlook:
 
 
 @contextmanager
-def told(stream: TextIO, unit: str = "points") -> Iterator[Callable[[Progress], None]]:
-    """What long work is to be watched with; `unit` is what its points are called."""
+def show_progress(stream: TextIO, unit: str = "points") -> Iterator[Callable[[Progress], None]]:
+    """Shows progress; yields the callback that receives it. `unit` is the name of the points."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
     from rich.progress import Progress as Bar
 
@@ -79,9 +80,9 @@ def told(stream: TextIO, unit: str = "points") -> Iterator[Callable[[Progress], 
 
 
 @contextmanager
-def stages(stream: TextIO) -> Iterator[Callable[[Stage], None]]:
-    """What work in several stages is to be watched with: a bar for each stage that was begun, or a line now and then;
-    either says how long all of it still takes."""
+def show_stages(stream: TextIO) -> Iterator[Callable[[Stage], None]]:
+    """Shows the progress of work in stages, with the remaining time; yields the callback that receives it. There is a
+    bar for each stage that was begun, or a line now and then."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
     from rich.progress import Progress as Bar
 
@@ -95,7 +96,7 @@ def stages(stream: TextIO) -> Iterator[Callable[[Stage], None]]:
         TextColumn("{task.description:14}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[told]}"),
+        TextColumn("{task.fields[metrics]}"),
     )
     with Bar(*columns, console=console) as bar:
         rows: dict[str, TaskID] = {}
@@ -103,27 +104,27 @@ def stages(stream: TextIO) -> Iterator[Callable[[Stage], None]]:
         def tell(now: Stage) -> None:
             if now.stage not in rows:
                 for row in rows.values():
-                    bar.update(row, told="")
+                    bar.update(row, metrics="")
                 name = f"{now.number} of {now.stages} {now.stage}"
-                rows[now.stage] = bar.add_task(name, total=now.wanted, told="")
-            bar.update(rows[now.stage], completed=now.done, told=_left(now))
+                rows[now.stage] = bar.add_task(name, total=now.wanted, metrics="")
+            bar.update(rows[now.stage], completed=now.done, metrics=_left(now))
 
         yield tell
 
 
 def _left(now: Stage) -> str:
     left = "" if now.left is None else f"about {_clock(now.left)} left in all"
-    return f"{left}  {now.told}".strip()
+    return f"{left}  {now.metrics}".strip()
 
 
 def _stage_lines(stream: TextIO) -> Callable[[Stage], None]:
-    spoken, last = -_EVERY, None
+    last_report, last = -_REPORT_EVERY, None
 
     def tell(now: Stage) -> None:
-        nonlocal spoken, last
+        nonlocal last_report, last
         moment, turn = time.monotonic(), (now.stage, now.done >= now.wanted)
-        if moment - spoken >= _EVERY or turn != last:
-            spoken, last = moment, turn
+        if moment - last_report >= _REPORT_EVERY or turn != last:
+            last_report, last = moment, turn
             where = f"stage {now.number} of {now.stages}, {now.stage}: {int(now.done)} of {now.wanted}"
             print(f"{where}  {_left(now)}".rstrip(), file=stream, flush=True)
 
@@ -131,7 +132,7 @@ def _stage_lines(stream: TextIO) -> Callable[[Stage], None]:
 
 
 def estimate(progress: Progress) -> str:
-    """The pace so far, and how long the rest takes at it."""
+    """A text with the pace so far and the remaining time at that pace."""
     if not progress.new or progress.seconds <= 0.0:
         return ""
     pace = progress.new / progress.seconds
@@ -145,7 +146,7 @@ def _clock(seconds: float) -> str:
 
 
 def summary(manifest: Mapping[str, Any], folder: object) -> str:
-    """What was collected, in a few lines."""
+    """A summary of a collection in a few lines."""
     counted = manifest["statistics"]
     amount = f"{counted['points']} points ({counted['episodes']} episode{'s' * (counted['episodes'] != 1)})"
     lines = [f"{amount} in {folder}; its README.md tells of them"]
@@ -156,12 +157,12 @@ def summary(manifest: Mapping[str, Any], folder: object) -> str:
 
 
 def _lines(stream: TextIO, unit: str) -> Callable[[Progress], None]:
-    spoken, full = -_EVERY, False
+    last_report, full = -_REPORT_EVERY, False
 
     def tell(now: Progress) -> None:
-        nonlocal spoken, full
-        if now.seconds - spoken >= _EVERY or (now.points == now.wanted and not full):
-            spoken, full = now.seconds, now.points == now.wanted
+        nonlocal last_report, full
+        if now.seconds - last_report >= _REPORT_EVERY or (now.points == now.wanted and not full):
+            last_report, full = now.seconds, now.points == now.wanted
             print(f"{now.points} of {now.wanted} {unit}  {estimate(now)}".rstrip(), file=stream, flush=True)
 
     return tell

@@ -28,7 +28,7 @@ from executive.lab.collection import dataset
 from executive.lab.collection.collect import version_of
 from executive.lab.collection.dataset import Point
 from executive.lab.common.journal import Journal, lines
-from executive.lab.common.process_pool import Crew, Tell, done_by
+from executive.lab.common.process_pool import ReportProgress, WorkerPool, run_jobs
 from executive.lab.common.progress import Progress
 from executive.lab.evaluation import published
 from executive.lab.evaluation.disturbance import Disturbance, Disturber
@@ -161,7 +161,7 @@ class Observer:
         self._questions = self.eye.questions
         self._seen.show(self.eye.cameras)
 
-    def __call__(self, look: Look, tell: Tell) -> Opened | Said:
+    def __call__(self, look: Look, tell: ReportProgress) -> Opened | Said:
         if look == OPENING:
             own = self._questions
             asked = (dict(own.text), own.system, own.translator, own.answers, own.warnings)
@@ -225,7 +225,7 @@ class Evaluator:
         points: int = self._manifest["points"]
         return points if self.config.looks is None else min(points, self.config.looks)
 
-    def open(self, crew: Crew[Look, Opened | Said]) -> Opened | None:
+    def open(self, pool: WorkerPool[Look, Opened | Said]) -> Opened | None:
         """Have an eye opened; None when cancelled.
 
         Raises:
@@ -233,7 +233,7 @@ class Evaluator:
             MissingError: the machine lacks something.
         """
         waiting = iter([OPENING])
-        for ended in done_by(crew, lambda: next(waiting, None), lambda: self._cancelled):
+        for ended in run_jobs(pool, lambda: next(waiting, None), lambda: self._cancelled):
             for each in ended:
                 opened = each.value()
                 assert isinstance(opened, Opened)
@@ -244,7 +244,7 @@ class Evaluator:
 
     def run(
         self,
-        crew: Crew[Look, Opened | Said],
+        pool: WorkerPool[Look, Opened | Said],
         opened: Opened | None = None,
         keep: Path | None = None,
         watch: Callable[[Progress], None] = lambda progress: None,
@@ -259,7 +259,7 @@ class Evaluator:
         Raises:
             InputError: the data is damaged, or nothing is answered any more.
         """
-        opened = opened or self.open(crew)
+        opened = opened or self.open(pool)
         if opened is None:
             return None
         points = list(itertools.islice(dataset.read(self.config.data, ()), self.wanted))
@@ -275,7 +275,7 @@ class Evaluator:
                 if number not in told
             )
             watch(Progress(there, len(points), 0, 0.0))
-            for ended in done_by(crew, lambda: next(waiting, None), lambda: self._cancelled):
+            for ended in run_jobs(pool, lambda: next(waiting, None), lambda: self._cancelled):
                 for each in ended:
                     said = each.value()
                     assert isinstance(said, Said)

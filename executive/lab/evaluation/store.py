@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from executive.errors import InputError
 from executive.lab.collection.dataset import write_atomically
-from executive.lab.common.folder_lock import LOCK, lock, sweep
+from executive.lab.common.folder_lock import LOCK, lock, remove_partial
 from executive.lab.evaluation.evaluate import EvalConfig, Evaluation, command_of
 from executive.lab.evaluation.metrics import Answers, never_true, scores
 from executive.types import Atom
@@ -125,7 +125,7 @@ def claimed(folder: Path, command: str) -> Iterator[Path]:
     check_writable(folder, "--out")
     held = lock(folder, "evaluating", command)
     try:
-        sweep(folder)
+        remove_partial(folder)
         yield folder
     finally:
         if new and all(each.name == LOCK for each in folder.iterdir()):

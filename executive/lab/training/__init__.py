@@ -1,4 +1,4 @@
-"""Growing an eye: a small vision-language model for one simulated domain, from nothing (`executive train`)."""
+"""Training of a small vision-language model for one simulated domain, from scratch (`executive train`)."""
 
 from executive.util.native_libraries import keep_triton_apart
 

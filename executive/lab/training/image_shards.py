@@ -1,8 +1,8 @@
-"""Pictures of sampled moments on disk, with what each pixel shows: what the eye learns to see from.
+"""Training images on disk: pictures of sampled scenes, with the item that each pixel shows.
 
-A shard is four arrays of the same length N: `pictures` (N, C, S, S, 3) uint8, `items` (N, C, M, M) uint8 (which item a
-pixel shows, from 1; 0 for none), `facts` (N, A) bool, and `kinds` (N,). They are kept as they are, not compressed, so
-that training reads from disk without decoding anything and holds no picture in memory.
+A shard is four arrays of the same length N: `pictures` (N, C, S, S, 3) uint8, `items` (N, C, M, M) uint8 (the item of
+each pixel, from 1; 0 for none), `facts` (N, A) bool, and `kinds` (N,). They are not compressed, so that training
+maps them from disk without decoding, and holds no picture in memory.
 """
 
 from __future__ import annotations
@@ -21,36 +21,36 @@ import numpy as np
 
 from executive.domain.loader import Domain, load_domain
 from executive.errors import InputError
-from executive.lab.common.process_pool import Tell
-from executive.lab.training.scene_sampler import Moment, Sampler
+from executive.lab.common.process_pool import ReportProgress
+from executive.lab.training.scene_sampler import Moment, SceneSampler
 from executive.sim import scene
 from executive.sim.relighting import Lights, Relighting, Shift
 from executive.sim.rendering import make_renderer
 from executive.types import FloatArray
 
 MASK = 48
-"""Pixels of the masks' side."""
+"""The side of a mask, in pixels."""
 
-_PLAIN = 0.35
-"""The share of moments that is drawn as runs are: own lights, own cameras, own colours."""
+_PLAIN_SHARE = 0.35
+"""The share of samples that is drawn without randomised lights, cameras and colours, as in runs."""
 
 
 class Shard(NamedTuple):
-    """One shard's arrays, mapped from disk."""
+    """The arrays of a shard, mapped from disk."""
 
     pictures: np.ndarray[Any, np.dtype[np.uint8]]
     items: np.ndarray[Any, np.dtype[np.uint8]]
     facts: np.ndarray[Any, np.dtype[np.bool_]]
 
 
-class Photographer:
-    """Draws moments as training pictures: `side` pixels square, made smaller as the model's processor does it."""
+class ImageSampler:
+    """Renders sampled scenes as training pictures of `side` x `side` pixels, resized as the model's processor does."""
 
     def __init__(self, domain: Domain, seed: Sequence[int], side: int, cameras: Sequence[str] | None = None) -> None:
-        self._sampler = Sampler(domain, [*seed, 0])
+        self._sampler = SceneSampler(domain, [*seed, 0])
         self._rng = np.random.default_rng(np.random.SeedSequence([*seed, 1]))
         world = self._sampler.world
-        self._studio = Relighting(world.model, world.spec)
+        self._relighting = Relighting(world.model, world.spec)
         self.cameras = [camera for camera in world.spec.cameras if cameras is None or camera.name in cameras]
         self._side = side
         self._small = make_renderer(world.model, MASK, MASK)
@@ -58,11 +58,11 @@ class Photographer:
         items = sorted(world.shapes)
         roots = {world.model.body(item).id: index + 1 for index, item in enumerate(items)}
         owner = [roots.get(int(world.model.body_rootid[body]), 0) for body in world.model.geom_bodyid]
-        self._owner = np.array([*owner, 0], dtype=np.uint8)  # the last one is for what is no geom
+        self._owner = np.array([*owner, 0], dtype=np.uint8)  # the last entry stands for pixels without a geom
         self._atoms = domain.task.atoms
 
-    def shard(self, count: int, tell: Tell = lambda done: None) -> dict[str, np.ndarray[Any, Any]]:
-        """The next `count` moments. `tell` is told which share of them there is, at each."""
+    def shard(self, count: int, tell: ReportProgress = lambda done: None) -> dict[str, np.ndarray[Any, Any]]:
+        """Draws the next `count` samples. `tell` receives the share that is done, after each."""
         moments: list[Moment] = []
         while len(moments) < count:
             moments += self._sampler.draw()
@@ -80,23 +80,23 @@ class Photographer:
 
     def close(self) -> None:
         self._small.close()
-        self._studio.close()
+        self._relighting.close()
         self._sampler.close()
 
     def _draw(self, qpos: FloatArray) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
         from PIL import Image
 
-        rng, varied = self._rng, self._rng.random() >= _PLAIN
+        rng, varied = self._rng, self._rng.random() >= _PLAIN_SHARE
         lights = Lights.drawn(rng) if varied and rng.random() < 0.8 else None
         shifts = {camera.name: Shift.drawn(rng, 0.045, 0.08) for camera in self.cameras} if varied else {}
         pictures, items = [], []
-        paint = _paint(self._studio.model, rng) if varied and rng.random() < 0.6 else _nothing()
-        with paint, self._studio.set_up(qpos, lights, shifts):
+        recoloured = _recoloured(self._relighting.model, rng) if varied and rng.random() < 0.6 else _nothing()
+        with recoloured, self._relighting.set_up(qpos, lights, shifts):
             for camera in self.cameras:
-                whole = self._studio.drawing.picture(self._studio.data, camera)
+                whole = self._relighting.drawing.picture(self._relighting.data, camera)
                 size = (self._side, self._side)
                 pictures.append(np.asarray(Image.fromarray(whole).resize(size, Image.Resampling.BILINEAR)))
-                self._small.update_scene(self._studio.data, camera.name, _visible())
+                self._small.update_scene(self._relighting.data, camera.name, _visible())
                 shown = self._small.render()
                 geoms = np.where(shown[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, shown[..., 0], -1)
                 items.append(self._owner[geoms])
@@ -104,24 +104,27 @@ class Photographer:
 
 
 def write_shard(folder: Path, number: int, arrays: Mapping[str, np.ndarray[Any, Any]]) -> None:
-    """Write a shard, whole or not at all."""
-    passing, final = folder / f".shard-{number:04d}.{os.getpid()}", shard_folder(folder, number)
-    passing.mkdir(parents=True)
+    """Writes a shard atomically."""
+    temporary, final = folder / f".shard-{number:04d}.{os.getpid()}", shard_folder(folder, number)
+    temporary.mkdir(parents=True)
     try:
         for name, array in arrays.items():
-            np.save(passing / f"{name}.npy", array)
+            np.save(temporary / f"{name}.npy", array)
         try:
-            passing.rename(final)
+            temporary.rename(final)
         except OSError as error:
-            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):  # someone else has drawn the very same meanwhile
+            if error.errno not in (
+                errno.ENOTEMPTY,
+                errno.EEXIST,
+            ):  # another process has written the same one
                 raise
     finally:
-        shutil.rmtree(passing, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
-    """Draws shards by their numbers and writes them into `folder`: what a process that draws is given.
+class ShardWriter:
+    """The job of a worker process: draws the shard of a number and writes it into `folder`.
 
     Raises:
         InputError: the folder cannot be written to.
@@ -134,14 +137,14 @@ class Drawing:
     count: int
     folder: Path
 
-    def __call__(self, number: int, tell: Tell) -> None:
-        photographer = Photographer(load_domain(self.domain, self.problem), [self.seed, number], self.side)
+    def __call__(self, number: int, tell: ReportProgress) -> None:
+        sampler = ImageSampler(load_domain(self.domain, self.problem), [self.seed, number], self.side)
         try:
-            write_shard(self.folder, number, photographer.shard(self.count, tell))
+            write_shard(self.folder, number, sampler.shard(self.count, tell))
         except OSError as error:
             raise InputError(f"cannot be written to ({error.strerror})", file=self.folder) from None
         finally:
-            photographer.close()
+            sampler.close()
 
 
 def read_shard(folder: Path, number: int) -> Shard:
@@ -150,7 +153,7 @@ def read_shard(folder: Path, number: int) -> Shard:
 
 
 def shards(folder: Path) -> list[int]:
-    """The numbers of the shards that are there."""
+    """The numbers of the shards in a folder."""
     return sorted(int(path.name.removeprefix("shard-")) for path in folder.glob("shard-*"))
 
 
@@ -166,8 +169,8 @@ def _visible() -> mujoco.MjvOption:
 
 
 @contextmanager
-def _paint(model: mujoco.MjModel, rng: np.random.Generator) -> Iterator[None]:
-    """Other shades of everything for a while: each material and each geom a little lighter, darker or tinted."""
+def _recoloured(model: mujoco.MjModel, rng: np.random.Generator) -> Iterator[None]:
+    """Randomises the colour of each material and each geom a little within the context."""
     before = model.mat_rgba.copy(), model.geom_rgba.copy()
     try:
         for colours in (model.mat_rgba, model.geom_rgba):

@@ -1,4 +1,4 @@
-"""What an eye is to see: the items of a task, and what can be true of each."""
+"""The label space of training: the items of a task, and the atoms that can be true of each."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from executive.types import Atom
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
-    """A task's atoms from the point of view of its items.
+class LabelSpace:
+    """A task's atoms arranged by item.
 
     `items` are the objects that can move, sorted. A facet is an item with an atom that names it: `facets` holds them
     all as (index of the item, index of the atom), so that an atom about two items is a facet of both.
@@ -26,7 +26,7 @@ class Subject:
     facets: tuple[tuple[int, int], ...]
 
     @classmethod
-    def of(cls, domain: Domain) -> Subject:
+    def of(cls, domain: Domain) -> LabelSpace:
         task = domain.task
         spec = read_scene(domain.scene).restricted_to(task.objects, domain.scene)
         items = tuple(sorted(item.name for item in spec.items))
@@ -47,17 +47,18 @@ class Subject:
         return np.array([atom for _, atom in self.facets])
 
     def of_item(self, item: int) -> list[int]:
-        """The numbers of an item's facets."""
+        """The indices of an item's facets."""
         return [number for number, (owner, _) in enumerate(self.facets) if owner == item]
 
-    def said(self, facet: int) -> str:
-        """A facet in a word or two: what else the atom names, or else the last word of its predicate."""
+    def label(self, facet: int) -> str:
+        """A one- or two-word label of a facet: the other arguments of its atom, or else the last word of its
+        predicate."""
         item, index = self.facets[facet]
         atom = self.atoms[index]
         others = [plain(name) for name in atom.args if name != self.items[item]]
         return " ".join(others) or plain(atom.predicate).split()[-1]
 
 
-def fits(atoms: Sequence[str], subject: Subject) -> bool:
-    """Whether data that is labelled with these atoms, in this order, is about this subject."""
-    return list(atoms) == [str(atom) for atom in subject.atoms]
+def fits(atoms: Sequence[str], labels: LabelSpace) -> bool:
+    """Whether the labels of a data set are these atoms, in this order."""
+    return list(atoms) == [str(atom) for atom in labels.atoms]

@@ -1,4 +1,4 @@
-"""The card that lies beside a grown eye, in the form that model hubs read."""
+"""The model card of a trained model, in the format of model hubs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from executive.domain.loader import Domain
-from executive.lab.training.presets import Recipe
+from executive.lab.training.presets import Preset
 
 _HEAD = """---
 license: apache-2.0
@@ -19,31 +19,31 @@ tags:
 ---
 """
 
-_BODY = """# An eye for {title}
+_BODY = """# A vision-language model for {title}
 
 A vision-language model of {millions:.1f} million parameters that answers yes/no questions about pictures of one
 simulated scene: `{name}`. It is a `FastVlmForConditionalGeneration` (a ResNet, and a Qwen2 of {layers} layers,
 {hidden} wide) that `AutoModelForImageTextToText.from_pretrained` loads without any code but that of transformers.
 
-It is **in-domain, not zero-shot**: it was grown from nothing on pictures of this scene alone, knows these items, these
-{cameras} cameras in this order, and questions about {atoms} atoms. Of anything else it knows nothing, and says so of
-nothing: it answers all the same.
+It is **in-domain, not zero-shot**: it was trained from scratch on pictures of this scene alone, and knows these items,
+these {cameras} cameras in this order, and questions about {atoms} atoms. Its answers about anything
+else mean nothing.
 
-## How it was grown
+## How it was trained
 
 `{command}`
 
-| stage | what | steps | a step |
+| stage | what is learned | steps | per step |
 |---|---|---|---|
-| pictures | moments drawn by the simulator, with what each pixel shows | {moments:,} moments | {cameras} cameras |
-| tower | which items each cell shows, and what is true of each | {tower:,} | {batch} pictures |
-| language | to look words up, in scenes only imagined | {language:,} | {scenes} scenes x {questions} questions |
-| together | pictures, questions, answers | {together:,} | {scenes} scenes x {questions} questions |
-| fewer | the same, every other step with some of the pictures | {fewer:,} | {scenes} scenes x {questions} questions |
+| pictures | rendered samples, with the item of each pixel | {moments:,} moments | {cameras} cameras |
+| tower | the vision encoder: items of each cell, and their atoms | {tower:,} | {batch} pictures |
+| language | the decoder, on scenes without pictures | {language:,} | {scenes} scenes x {questions} questions |
+| together | all parts on pictures, questions, answers | {together:,} | {scenes} scenes x {questions} questions |
+| fewer | the same, half of the steps with fewer cameras | {fewer:,} | {scenes} scenes x {questions} questions |
 
-Seed {seed}. The moments show items upright, tipped, on the floor, touching, held in many grips, half gripped and let
-go, with the arm at home and anywhere else; lights, shades, cameras' places, grain, blur and JPEG vary. What it was
-asked is in the domain's `wordings.toml`.
+Seed {seed}. The samples show items upright, tipped, on the floor, touching, held in many grips, half gripped and let
+go, with the arm at home and anywhere else; lights, colours, camera poses, noise, blur and JPEG vary. The wordings of
+its questions are in the domain's `wordings.toml`.
 
 ## How it is asked
 
@@ -52,26 +52,26 @@ probabilities of *yes* and *no*. `executive run {name} --vlm FOLDER` does that, 
 """
 
 
-def render(domain: Domain, recipe: Recipe, cameras: int, parameters: int, seed: int, command: str) -> str:
-    """The card, but for what an evaluation says."""
+def render(domain: Domain, preset: Preset, cameras: int, parameters: int, seed: int, command: str) -> str:
+    """The text of the card, without the results of an evaluation."""
     numbers: Mapping[str, Any] = {
         "title": domain.title,
         "name": domain.name,
         "millions": parameters / 1e6,
-        "layers": recipe.size.layers,
-        "hidden": recipe.size.hidden,
-        "side": recipe.size.side,
+        "layers": preset.size.layers,
+        "hidden": preset.size.hidden,
+        "side": preset.size.side,
         "cameras": cameras,
         "atoms": len(domain.task.atoms),
         "command": command,
-        "moments": recipe.shards * recipe.moments,
-        "tower": recipe.tower.steps,
-        "language": recipe.language.steps,
-        "together": recipe.together.steps,
-        "fewer": recipe.fewer.steps,
-        "batch": recipe.batch,
-        "scenes": recipe.scenes,
-        "questions": recipe.questions,
+        "moments": preset.shards * preset.moments,
+        "tower": preset.tower.steps,
+        "language": preset.language.steps,
+        "together": preset.together.steps,
+        "fewer": preset.fewer.steps,
+        "batch": preset.batch,
+        "scenes": preset.scenes,
+        "questions": preset.questions,
         "seed": seed,
     }
     return _HEAD + "\n" + _BODY.format(**numbers)

@@ -1,9 +1,10 @@
-"""The eye's architecture: a FastVLM of the transformers library, with a ResNet to see and a small Qwen2 to answer.
+"""The architecture: a FastVLM of the transformers library, with a ResNet as vision encoder and a small Qwen2 as
+decoder.
 
-Both are standard: `AutoModelForImageTextToText.from_pretrained` loads what is saved here without any code of ours. What
-is ours is where training starts from. The projector turns each cell of a picture into a token that is minus the sum of
-the words for what is there (lemon, black, table), and the decoder's queries and keys start as the identity and its
-negative: a word in a question then looks at the cells that show what it names, and not at itself, from the first step.
+Both are standard: `AutoModelForImageTextToText.from_pretrained` loads what is saved here without any code of ours. The
+initialisation is ours: the projector is trained to map each cell to the negative sum of the word embeddings of what it
+shows (lemon, black, table), and the decoder's query and key matrices start as the identity and its negative, so that a
+word in a question attends to the cells that show what it names, and not to itself, from the first step.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ import torch
 from torch import nn
 
 from executive.lab.training import tokenizer as words
-from executive.lab.training.presets import STRIDE, Size
+from executive.lab.training.presets import STRIDE, ModelSize
 from executive.s3e.backends.loading import quiet
 from executive.s3e.backends.packages import importing
 
 MEAN, STD = 0.55, 0.27
-"""Of all pixels of a training shard, about; the same for each colour, so that grey stays grey."""
+"""The approximate mean and standard deviation of training pixels; the same for each colour, so that grey stays grey."""
 
 
-def build(size: Size, tokenizer: Any) -> Any:
-    """A FastVlmForConditionalGeneration with the weights that training starts from."""
+def build(size: ModelSize, tokenizer: Any) -> Any:
+    """Makes a FastVlmForConditionalGeneration with the initial weights."""
     with importing():
         from transformers import FastVlmConfig, FastVlmForConditionalGeneration
 
@@ -50,7 +51,7 @@ def build(size: Size, tokenizer: Any) -> Any:
             "num_attention_heads": size.heads,
             "num_key_value_heads": size.heads,
             "max_position_embeddings": 8192,
-            # Slow rotations: what a token is counts for more than where it is.
+            # Slow rotations: attention depends on content more than on position.
             "rope_parameters": {"rope_type": "default", "rope_theta": 1e8},
             "bos_token_id": None,
             "eos_token_id": tokenizer.eos_token_id,
@@ -62,12 +63,12 @@ def build(size: Size, tokenizer: Any) -> Any:
         tie_word_embeddings=True,
     )
     model = FastVlmForConditionalGeneration(config)
-    begin(model, size)
+    initialise(model, size)
     return model
 
 
-def begin(model: Any, size: Size) -> None:
-    """Give the decoder the start that the head of this module tells of."""
+def initialise(model: Any, size: ModelSize) -> None:
+    """Initialises the decoder as described at the head of this module."""
     same = torch.eye(size.hidden)
     decoder = model.model.language_model
     with torch.no_grad():
@@ -83,8 +84,8 @@ def begin(model: Any, size: Size) -> None:
                 part.weight.copy_(gain * same + 0.02 * torch.randn_like(same))
 
 
-def save(model: Any, tokenizer: Any, size: Size, folder: Path) -> None:
-    """Write a checkpoint as hubs hold it: config, weights in safetensors, tokenizer, processor, chat template.
+def save(model: Any, tokenizer: Any, size: ModelSize, folder: Path) -> None:
+    """Writes a checkpoint in the format of model hubs: config, weights in safetensors, tokenizer, processor, template.
 
     The weights are stored in 32 bits: they are few, and answers are then the same on every machine.
     """

@@ -1,4 +1,4 @@
-"""Gradient descent that can be stopped at any moment and gone on with: what every stage of training is run by."""
+"""The training loop of a stage: AdamW with checkpoints, so that it can be stopped at any moment and resumed."""
 
 from __future__ import annotations
 
@@ -14,47 +14,47 @@ import numpy as np
 import torch
 from torch import nn
 
-from executive.lab.training.presets import Pace
+from executive.lab.training.presets import Schedule
 
-_SAVED, _TOLD = 30.0, 1.0
-"""Seconds between two saves, which is all that a kill costs, and between two reports."""
+_SAVE_EVERY, _REPORT_EVERY = 30.0, 1.0
+"""Seconds between two checkpoints (at most so much is lost when the process is killed), and between two reports."""
 
-Told = Mapping[str, float]
+Metrics = Mapping[str, float]
 
 
 class CancelledError(Exception):
-    """Training was asked to stop; it has been saved."""
+    """Training was cancelled; its state has been saved."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """How far a stage is, for those who watch: how many steps it has done in this process, how many seconds each of
-    these took, and what the last ones came to on average."""
+    """The progress of a stage: `new` steps done in this process, their mean `seconds`, and the mean metrics of the
+    steps since the last report."""
 
     stage: str
     step: int
     steps: int
     new: int
     seconds: float
-    told: Told
+    metrics: Metrics
 
 
-def descend(
+def train_stage(
     stage: str,
     file: Path,
     parts: Mapping[str, nn.Module],
-    pace: Pace,
-    one: Callable[[int, np.random.Generator], tuple[torch.Tensor, Told]],
+    schedule: Schedule,
+    step_loss: Callable[[int, np.random.Generator], tuple[torch.Tensor, Metrics]],
     seed: int,
     watch: Callable[[Report], None] = lambda report: None,
     stopped: Callable[[], bool] = lambda: False,
     rates: Mapping[str, float] | None = None,
 ) -> None:
-    """Run a stage to its end, going on from `file` where that exists; the parts then are what the stage made of them.
+    """Trains the parts in place to the end of a stage, from the checkpoint `file` where that exists.
 
     Args:
-        one: makes the loss of a step, given its number and the chance that belongs to it, and tells how good it was.
-        rates: part -> share of the pace's rate, where it is not 1.
+        step_loss: returns the loss of a step and its metrics, given its number and random generator.
+        rates: part -> factor of the learning rate, where it is not 1.
 
     Raises:
         CancelledError: `stopped` said so; the state is saved.
@@ -63,43 +63,43 @@ def descend(
     groups = [
         {"params": list(part.parameters()), "share": (rates or {}).get(name, 1.0)} for name, part in parts.items()
     ]
-    optimizer = torch.optim.AdamW(groups, lr=pace.rate, weight_decay=pace.decay, betas=(0.9, 0.98))
+    optimizer = torch.optim.AdamW(groups, lr=schedule.rate, weight_decay=schedule.decay, betas=(0.9, 0.98))
     begin = _restored(file, parts, optimizer)
-    told: list[Told] = []
+    metrics: list[Metrics] = []
     began = since = saved = time.monotonic()
-    for step in range(begin, pace.steps):
+    for step in range(begin, schedule.steps):
         for group in optimizer.param_groups:
-            group["lr"] = pace.at(step) * group["share"]
+            group["lr"] = schedule.at(step) * group["share"]
         sequence = np.random.SeedSequence([seed, step])
         torch.manual_seed(int(sequence.generate_state(1)[0]))
-        loss, news = one(step, np.random.default_rng(sequence))
+        loss, values = step_loss(step, np.random.default_rng(sequence))
         if not math.isfinite(float(loss.detach())):
             raise FloatingPointError(f"{stage}: the loss of step {step} is not a number")
         optimizer.zero_grad()
         torch.autograd.backward(loss)
         for group in optimizer.param_groups:
-            nn.utils.clip_grad_norm_(group["params"], pace.clip)
+            nn.utils.clip_grad_norm_(group["params"], schedule.clip)
         optimizer.step()
-        told.append(news)
+        metrics.append(values)
         done, stop, now = step + 1, stopped(), time.monotonic()
-        if stop or done == pace.steps or now - saved > _SAVED:
+        if stop or done == schedule.steps or now - saved > _SAVE_EVERY:
             _save(file, parts, optimizer, done)
             saved = time.monotonic()
-        if stop or done == pace.steps or now - since > _TOLD:
-            watch(Report(stage, done, pace.steps, done - begin, (now - began) / (done - begin), _mean(told)))
-            told, since = [], time.monotonic()
+        if stop or done == schedule.steps or now - since > _REPORT_EVERY:
+            watch(Report(stage, done, schedule.steps, done - begin, (now - began) / (done - begin), _mean(metrics)))
+            metrics, since = [], time.monotonic()
         if stop:
             raise CancelledError(stage)
 
 
 def use_threads(count: int | None) -> None:
-    """Compute with so many threads; as torch has it when not given."""
+    """Sets the number of torch's threads; leaves torch's default if not given."""
     if count is not None:
         torch.set_num_threads(count)
 
 
 def finished(file: Path, steps: int) -> bool:
-    """Whether a stage has been run to its end."""
+    """Whether the checkpoint of a stage is that of its last step."""
     return file.exists() and int(torch.load(file, weights_only=True, map_location="cpu")["step"]) >= steps
 
 
@@ -124,7 +124,7 @@ def _save(file: Path, parts: Mapping[str, nn.Module], optimizer: torch.optim.Opt
     passing.replace(file)
 
 
-def _mean(told: list[Told]) -> dict[str, float]:
-    names = dict.fromkeys(name for news in told for name in news)
-    values = {name: np.array([news[name] for news in told if name in news]) for name in names}
-    return {name: float(np.nanmean(value)) if np.isfinite(value).any() else math.nan for name, value in values.items()}
+def _mean(metrics: list[Metrics]) -> dict[str, float]:
+    names = dict.fromkeys(name for values in metrics for name in values)
+    arrays = {name: np.array([values[name] for values in metrics if name in values]) for name in names}
+    return {name: float(np.nanmean(array)) if np.isfinite(array).any() else math.nan for name, array in arrays.items()}

@@ -1,4 +1,4 @@
-"""How large an eye is, and how much of everything it is grown with. Nothing here needs torch."""
+"""Presets of training: the size of the model, and the number of steps and samples per stage. Torch is not needed."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import math
 from dataclasses import dataclass, field
 
 STRIDE = 32
-"""Pixels to a cell's side."""
+"""The side of a cell of the vision encoder's grid, in pixels."""
 
 
 @dataclass(frozen=True, slots=True)
-class Size:
-    """How large an eye is: `side` pixels of a picture, widths and depths of the tower's stages, and the decoder's."""
+class ModelSize:
+    """The size of a model: the side of a picture in pixels, widths and depths of the vision encoder's stages, and the
+    decoder's dimensions."""
 
     side: int = 192
     stem: int = 32
@@ -24,7 +25,7 @@ class Size:
 
     @property
     def grid(self) -> int:
-        """Cells to a picture's side."""
+        """The number of cells along a picture's side."""
         return self.side // STRIDE
 
     @property
@@ -32,14 +33,16 @@ class Size:
         return self.grid**2
 
 
-SMALLEST = Size(side=64, stem=8, widths=(8, 8, 16, 16), depths=(1, 1, 1, 1), hidden=32, layers=2, heads=2, inner=32)
-"""Learns nothing much, in seconds: for tests."""
+SMALLEST = ModelSize(
+    side=64, stem=8, widths=(8, 8, 16, 16), depths=(1, 1, 1, 1), hidden=32, layers=2, heads=2, inner=32
+)
+"""For tests: it trains in seconds, and learns little."""
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
-    """How a stage descends: over `steps`, at a rate that rises to `rate` in `warm` steps and falls to nothing along a
-    cosine; `warm` steps are the rise, `decay` is AdamW's and `clip` the largest norm of a part's gradient."""
+class Schedule:
+    """The learning-rate schedule of a stage: linear warm-up to `rate` in `warm` steps, then a cosine to zero over
+    `steps`; `decay` is AdamW's weight decay, and `clip` the largest norm of the gradient of a part."""
 
     steps: int
     rate: float
@@ -48,26 +51,26 @@ class Pace:
     clip: float = 1.0
 
     def at(self, step: int) -> float:
-        """The rate at a step."""
+        """The learning rate at a step."""
         rise = min(1.0, (step + 1) / self.warm)
         return self.rate * rise * (0.5 * (1.0 + math.cos(math.pi * min(step, self.steps) / self.steps)) + 0.01)
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
-    """How much of everything. The numbers are those of the eye that is shipped.
+class Preset:
+    """The settings of all stages. The defaults are those of the model that is shipped.
 
-    `shards` files of `moments` each; `batch` pictures a step in stage 2, `scenes` a step in the later ones and
-    `questions` about each; `align` are the first steps of stage 4, in which only the projector learns.
+    `shards` files of `moments` each; `batch` pictures per step in stage 2, `scenes` per step in the later ones and
+    `questions` about each; in the first `align` steps of stage 4 only the projector learns.
     """
 
-    size: Size = field(default_factory=Size)
+    size: ModelSize = field(default_factory=ModelSize)
     shards: int = 44
     moments: int = 256
-    tower: Pace = Pace(1200, 2e-3, 100, clip=2.0)
-    language: Pace = Pace(700, 1.5e-3)
-    together: Pace = Pace(1400, 7e-4)
-    fewer: Pace = Pace(600, 4e-4, 30)
+    tower: Schedule = Schedule(1200, 2e-3, 100, clip=2.0)
+    language: Schedule = Schedule(700, 1.5e-3)
+    together: Schedule = Schedule(1400, 7e-4)
+    fewer: Schedule = Schedule(600, 4e-4, 30)
     batch: int = 80
     scenes: int = 12
     questions: int = 16
@@ -75,7 +78,7 @@ class Recipe:
     vocabulary: int = 1200
 
     def efforts(self, cameras: int) -> dict[str, float]:
-        """About how many seconds of a core each stage takes, in order. Only how they compare matters."""
+        """The expected core seconds of each stage, in order. Only their ratios matter."""
         seen, read = cameras * self.scenes * _SEEN, self.scenes * self.questions * _READ
         return {
             "pictures": self.shards * self.moments * cameras * _DRAWN,
@@ -87,22 +90,22 @@ class Recipe:
 
 
 _DRAWN, _SEEN, _READ = 0.028, 0.019, 0.0029
-"""Seconds of a core that it took to draw a picture, to learn from one, and to learn from a question."""
+"""Measured core seconds per picture drawn, per picture of a training step, and per question of a training step."""
 
-RECIPES = {
-    "small": Recipe(),
-    "smallest": Recipe(
+PRESETS = {
+    "small": Preset(),
+    "smallest": Preset(
         size=SMALLEST,
         shards=2,
         moments=6,
-        tower=Pace(4, 1e-3),
-        language=Pace(4, 1e-3),
-        together=Pace(4, 1e-3),
-        fewer=Pace(3, 1e-3),
+        tower=Schedule(4, 1e-3),
+        language=Schedule(4, 1e-3),
+        together=Schedule(4, 1e-3),
+        fewer=Schedule(3, 1e-3),
         batch=4,
         scenes=2,
         questions=4,
         align=2,
     ),
 }
-"""By name: the eye that is shipped, and one that only shows that all stages run."""
+"""By name (--recipe): the model that is shipped, and one for testing that all stages run."""

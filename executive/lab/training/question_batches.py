@@ -1,12 +1,12 @@
-"""Questions for training, many about each scene, laid end to end in one row with a mask that keeps them apart.
+"""Batches of training questions: many questions per scene in one row, separated by an attention mask.
 
-This is the layout in which a look asks (`executive.s3e.backends.prefix_cache`): what the scene is made of comes first
-and is seen by all, each question sees it and itself, and counts its positions as if it were alone.
+This is the layout of inference (`executive.s3e.backends.prefix_cache`): the tokens of the scene come first; each
+question attends to them and to itself, and its positions count as if it were the only one.
 
-Three kinds are asked. Yes or no, in many wordings, is what the eye is for. An open question ("where is the lemon?",
-answered by one word) and a probe (at an item's name inside a question, what is true of the item is to be read off an
-inner layer) are there because yes/no answers alone teach a language model next to nothing for a long time: what it
-has to find first is that a name is to be looked up among the pictures' tokens.
+There are three kinds. Yes/no questions, in many wordings, are what the model is for. Open questions ("where is the
+lemon?", answered by one word) and probes (a linear head at an item's name predicts the item's facets from an inner
+layer) are auxiliary: with yes/no answers alone, a language model takes long to learn to look a name up among the
+picture tokens.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from executive.lab.training import tokenizer as words
-from executive.lab.training.label_space import Subject
+from executive.lab.training.label_space import LabelSpace
 from executive.lab.training.wordings import Wordings
 
 if TYPE_CHECKING:
     import torch
 
 NOTHING = "nothing"
-"""The answer to an open question about an item of which nothing is true."""
+"""The answer to an open question about an item of which no atom is true."""
 
 _OPEN = (
     "where is the {}?",
@@ -36,14 +36,14 @@ _OPEN = (
     "tell me where the {} is",
 )
 
-_BESIDES = 0.04
-"""The chance that words are put before or behind a question that have nothing to do with it."""
+_UNRELATED = 0.04
+"""The probability that unrelated words are put before or after a question."""
 
 _CHATTER = ("please", "tell me", "quick question", "answer yes or no", "thanks", "look closely", "hello", "now", "well")
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class QuestionBatch:
     """Questions about B scenes as tensors. The row of a scene is its P tokens, then T tokens of text.
 
     `ids` (B, T); `positions` (B, P + T); `mask` (B, 1, P + T, P + T) bool, true where a token may look; `last` (N,)
@@ -62,28 +62,28 @@ class Asked:
     facets: torch.Tensor
     known: torch.Tensor
 
-    def to(self, device: torch.device) -> Asked:
-        """The same on another device."""
-        return Asked(*(getattr(self, part.name).to(device) for part in fields(self)))
+    def to(self, device: torch.device) -> QuestionBatch:
+        """Copies the batch to another device."""
+        return QuestionBatch(*(getattr(self, part.name).to(device) for part in fields(self)))
 
 
-class Asker:
-    """Draws questions and lays them out.
+class QuestionSampler:
+    """Samples questions and lays them out in batches.
 
     Args:
-        systems: system prompts to put between pictures and questions, with how often; "" is none.
+        systems: system prompts between pictures and questions, each with its probability; "" is none.
     """
 
     def __init__(
         self,
-        subject: Subject,
+        labels: LabelSpace,
         wordings: Wordings,
         tokenizer: Any,
         systems: Sequence[tuple[str, float]],
         untranslated: str,
         seed: int,
     ) -> None:
-        self._subject, self._wordings, self._tokenizer = subject, wordings, tokenizer
+        self._labels, self._wordings, self._tokenizer = labels, wordings, tokenizer
         self._rng = random.Random(seed)
         self._systems = [[self._id(words.SYSTEM), *self._ids(text)] if text else [] for text, _ in systems]
         self._shares = [share for _, share in systems]
@@ -92,23 +92,25 @@ class Asker:
         self.yes, self.no = self._id("yes"), self._id("no")
         self._true, self._false = self._id("true"), self._id("false")
         self.affirmative = (self.yes, self._true)
-        self._open = [self._first(subject.said(facet)) for facet in range(len(subject.facets))]
+        self._open = [self._first(labels.label(facet)) for facet in range(len(labels.facets))]
         self._nothing = self._first(NOTHING)
-        named = {atom for _, atom in subject.facets}
-        self._apart = [index for index in range(len(subject.atoms)) if index not in named]
-        self._facets = [subject.of_item(item) for item in range(len(subject.items))]
+        named = {atom for _, atom in labels.facets}
+        self._without_item = [index for index in range(len(labels.atoms)) if index not in named]
+        self._facets = [labels.of_item(item) for item in range(len(labels.items))]
 
-    def begin(self, seed: int) -> None:
-        """Draw from here on as this seed has it."""
+    def reseed(self, seed: int) -> None:
+        """Restarts the random generator from a seed."""
         self._rng = random.Random(seed)
 
     @staticmethod
-    def corpus(subject: Subject) -> list[str]:
-        """What is said here beyond the wordings, for the tokenizer to know."""
-        named = [subject.said(facet) for facet in range(len(subject.facets))]
+    def corpus(labels: LabelSpace) -> list[str]:
+        """The texts beyond the wordings that the tokenizer has to cover."""
+        named = [labels.label(facet) for facet in range(len(labels.facets))]
         return [*_OPEN, *_CHATTER, NOTHING, *named]
 
-    def ask(self, facts: np.ndarray[Any, np.dtype[np.bool_]], scene: int, count: int, open_share: float) -> Asked:
+    def ask(
+        self, facts: np.ndarray[Any, np.dtype[np.bool_]], scene: int, count: int, open_share: float
+    ) -> QuestionBatch:
         """Ask `count` questions about each of B scenes, `facts` (B, A) being true of them and `scene` the number of
         tokens that each begins with."""
         rng = self._rng
@@ -117,50 +119,48 @@ class Asker:
         if raw:
             system = self._untranslated if rng.random() < 0.3 else []
         rows = [[self._question(row, open_share, raw) for _ in range(count)] for row in facts]
-        return self._laid_out(rows, scene, system)
+        return self._batch(rows, scene, system)
 
-    def official(self, facts: np.ndarray[Any, np.dtype[np.bool_]], scene: int, system: int = -1) -> Asked:
-        """Every atom of each scene once, in the words that runs ask in."""
+    def official(self, facts: np.ndarray[Any, np.dtype[np.bool_]], scene: int, system: int = -1) -> QuestionBatch:
+        """Every atom of each scene once, in the wording that runs use."""
         rows = []
         for row in facts:
             questions = []
-            for index, atom in enumerate(self._subject.atoms):
+            for index, atom in enumerate(self._labels.atoms):
                 text = self._ids(self._wordings.official[atom])
                 questions.append(_Question(text, self.yes if row[index] else self.no, True, None, []))
             rows.append(questions)
-        return self._laid_out(rows, scene, self._systems[system])
-
-    # Inside.
+        return self._batch(rows, scene, self._systems[system])
 
     def _question(self, facts: np.ndarray[Any, np.dtype[np.bool_]], open_share: float, raw: bool) -> _Question:
-        rng, subject = self._rng, self._subject
+        rng, labels = self._rng, self._labels
         if raw:
-            index = rng.randrange(len(subject.atoms))
+            index = rng.randrange(len(labels.atoms))
             answer = self._true if facts[index] else self._false
-            return _Question(self._ids(str(subject.atoms[index])), answer, True, None, [])
+            return _Question(self._ids(str(labels.atoms[index])), answer, True, None, [])
         if rng.random() < open_share:
-            item = rng.randrange(len(subject.items))
-            true = [facet for facet in self._facets[item] if facts[subject.facets[facet][1]]]
+            item = rng.randrange(len(labels.items))
+            true = [facet for facet in self._facets[item] if facts[labels.facets[facet][1]]]
             answer = self._open[rng.choice(true)] if true else self._nothing
-            name = rng.choice(self._wordings.names[subject.items[item]])
+            name = rng.choice(self._wordings.names[labels.items[item]])
             return self._probed(rng.choice(_OPEN).format(name), name, item, answer, False, facts)
         index = self._atom(facts)
-        atom = subject.atoms[index]
+        atom = labels.atoms[index]
         text, names = self._wordings.draw(atom, rng)
         answer = self.yes if facts[index] else self.no
-        if rng.random() < _BESIDES:
+        if rng.random() < _UNRELATED:
             extra = rng.choice(_CHATTER)
             text = f"{extra}, {text}" if rng.random() < 0.5 else f"{text} {extra}"
         for name, item_name in zip(names, atom.args, strict=True):
-            if item_name in subject.items:
-                return self._probed(text, name, subject.items.index(item_name), answer, True, facts)
+            if item_name in labels.items:
+                return self._probed(text, name, labels.items.index(item_name), answer, True, facts)
         return _Question(self._ids(text), answer, True, None, [])
 
     def _atom(self, facts: np.ndarray[Any, np.dtype[np.bool_]]) -> int:
-        """Any atom; true ones, and those that name no item, more often than they are found by chance. The latter are
-        few, and nothing but their own answers teaches what they hang on."""
-        if self._apart and self._rng.random() < 0.15:
-            return self._rng.choice(self._apart)
+        """Samples an atom; true ones, and those that name no item, more often than at random. The latter are few, and
+        only their own answers teach them."""
+        if self._without_item and self._rng.random() < 0.15:
+            return self._rng.choice(self._without_item)
         if self._rng.random() < 0.25:
             true = np.flatnonzero(facts)
             if len(true):
@@ -175,10 +175,10 @@ class Asker:
             begin + len(named) for begin in range(len(tokens) - len(named) + 1)
             if tokens[begin : begin + len(named)] == named
         ]  # fmt: skip
-        known = [int(facts[self._subject.facets[facet][1]]) for facet in self._facets[item]]
+        known = [int(facts[self._labels.facets[facet][1]]) for facet in self._facets[item]]
         return _Question(tokens, answer, yes_no, (ends[-1], item) if ends else None, known)
 
-    def _laid_out(self, rows: Sequence[Sequence[_Question]], scene: int, system: Sequence[int]) -> Asked:
+    def _batch(self, rows: Sequence[Sequence[_Question]], scene: int, system: Sequence[int]) -> QuestionBatch:
         import torch
 
         start = scene + len(system)
@@ -210,7 +210,7 @@ class Asker:
                 at += len(tokens)
         same = (segment[:, :, None] == segment[:, None, :]) | (segment[:, None, :] == 0)
         mask = np.tril(np.ones((total, total), bool)) & same | np.eye(total, dtype=bool)
-        return Asked(
+        return QuestionBatch(
             torch.from_numpy(ids),
             torch.from_numpy(positions),
             torch.from_numpy(mask[:, None]),
@@ -234,8 +234,8 @@ class Asker:
 
 @dataclass(frozen=True, slots=True)
 class _Question:
-    """A question's tokens and answer; where it names an item, where that ends (counted from the token before the
-    question) and which it is, and what is true of each of its facets."""
+    """A question's tokens and answer. `probe` is the end of an item's name (counted from the token before the question)
+    with the item's index, and `known` the truth of each of the item's facets."""
 
     tokens: list[int]
     answer: int

@@ -1,9 +1,8 @@
-"""Moments to learn from, made directly: items put anywhere, the arm anywhere, the hand empty or around something.
+"""Samples of scenes for training: items anywhere, the arm anywhere, the gripper empty or around an item.
 
-Episodes show what usually happens, and hardly ever what an eye has to tell apart: an item just above a table and one
-on it, fingers around something and fingers that hold it, an item on the floor. Here such moments are as frequent as
-any others. They are physical all the same: items come to rest, fingers close until they are stopped, and what is true
-is read from the contacts.
+Episodes seldom show the states that a model has to tell apart: an item just above a table and one on it, fingers around
+an item and fingers that hold it, an item on the floor. Here these are as frequent as any others. They are physical all
+the same: items come to rest, fingers close until contact stops them, and the labels are read from the contacts.
 """
 
 from __future__ import annotations
@@ -23,33 +22,33 @@ from executive.skills.ik import Kinematics
 from executive.types import Atom, Facts, FloatArray
 
 VARIANTS = 4
-"""Moments of the arm and the hand for each way in which the items lie."""
+"""Samples of arm and gripper per arrangement of the items."""
 
 _FLOOR = 0.06
 _TIPPED = 0.18
-"""The chance that an item lies on the floor, or was let fall onto a table in any orientation."""
+"""The probabilities that an item lies on the floor, and that it was dropped onto a table in any orientation."""
 
 _KINDS = ("at home", "holding at home", "above", "holding above", "closing", "letting go", "anywhere")
 _SHARES = (0.24, 0.22, 0.13, 0.17, 0.08, 0.06, 0.10)
 
 _PERIOD = 0.008
 _TOUCH = 0.004
-"""How deep in m the arm may be in something, where it was put and did not come by itself."""
+"""The largest penetration in m of a pose that was set directly."""
 
 
 class Moment(NamedTuple):
-    """Where everything is, (nq,), the truth of every atom of the task, and what kind of moment it was meant to be."""
+    """MuJoCo's positions (nq,), the truth of every atom of the task, and the kind of sample that was intended."""
 
     qpos: FloatArray
     facts: Facts
     kind: str
 
 
-class Sampler:
-    """Draws moments of a domain's scene. Call `close` at the end.
+class SceneSampler:
+    """Samples states of a domain's scene. Call `close` at the end.
 
     Args:
-        seed: fixes all moments.
+        seed: fixes all samples.
     """
 
     def __init__(self, domain: Domain, seed: Sequence[int]) -> None:
@@ -69,7 +68,7 @@ class Sampler:
         self.world.close()
 
     def draw(self) -> list[Moment]:
-        """One way for the items to lie, and up to `VARIANTS` moments with it."""
+        """Draws an arrangement of the items, and up to `VARIANTS` samples with it."""
         self._arrange()
         state = self.world.snapshot()
         moments = []
@@ -84,10 +83,10 @@ class Sampler:
     def atoms(self) -> tuple[Atom, ...]:
         return self._atoms
 
-    # How the items lie.
+    # The items.
 
     def _arrange(self) -> None:
-        """Put all items somewhere, the arm at home, and let them come to rest."""
+        """Places all items with the arm at home, and lets them come to rest."""
         mujoco.mj_resetData(self._model, self._data)
         self._set_arm(self._home)
         self._set_fingers(0.0)
@@ -129,10 +128,10 @@ class Sampler:
         position = [rng.uniform(0.1, 1.0), rng.uniform(-0.9, 0.9), float(np.linalg.norm(half)) + 0.01]
         return np.array([*position, *_any_orientation(rng)])
 
-    # What the arm does.
+    # The arm.
 
     def _pose(self, kind: str) -> bool:
-        """Bring arm and hand into a moment of a kind; False where this draw did not work out."""
+        """Brings arm and gripper into a state of the given kind; False where this draw failed."""
         rng = self._rng
         if kind == "at home":
             return self._stand(self._home, float(rng.choice([0.0, rng.uniform(0.0, 0.8)], p=[0.85, 0.15])))
@@ -162,7 +161,7 @@ class Sampler:
         return True
 
     def _grasp(self, item: str) -> FloatArray | None:
-        """A way to take hold of an item where it is, a little off its mark."""
+        """A grasp of an item where it is, with a small random offset."""
         shape, pose = self.world.shapes[item], transforms.matrix(self._item_pose(item))
         height = min((table.centre[2] for table in self.world.spec.tables), key=lambda z: abs(z - pose[2, 3]))
         found = grasps.candidates(pose, shape, height if pose[2, 3] > height - 0.05 else 0.0)
@@ -174,7 +173,7 @@ class Sampler:
         return grasp
 
     def _elsewhere(self, item: str, inside: FloatArray) -> FloatArray:
-        """A pose of the grip point with which what it holds is over a table, close above it or carried along."""
+        """A pose of the grip point at which the held item is over a table, just above it or higher."""
         rng, tables = self._rng, self.world.spec.tables
         table = tables[int(rng.integers(len(tables)))]
         shape, now = self.world.shapes[item], transforms.matrix(self._item_pose(item))
@@ -194,18 +193,18 @@ class Sampler:
         return None
 
     def _stand(self, q: FloatArray, closed: float, seconds: float = 0.12, ready: float | None = None) -> bool:
-        """Put the arm at `q` with the fingers driven to `closed`, beginning with them there or at `ready`."""
+        """Sets the arm to `q` and drives the fingers to `closed`, starting there or at `ready`."""
         self._set_arm(q)
         self._set_fingers(closed if ready is None else ready)
         self.world.command_gripper(closed)
         mujoco.mj_forward(self._model, self._data)
-        if self._deep():
+        if self._penetrates():
             return False
         self._pass_time(seconds)
         return True
 
     def _hold(self, item: str, inside: FloatArray, q: FloatArray) -> bool:
-        """Have the hand close around an item that is kept in place until the fingers press on it."""
+        """Closes the gripper around an item that is kept in place until the fingers press on it."""
         self._set_arm(q)
         self._put(item, transforms.pose(self._kinematics.forward(q) @ inside))
         half = self.world.shapes[item].half
@@ -213,7 +212,7 @@ class Sampler:
         self._set_fingers(scene.FINGER_CLOSED * max(0.0, 1.0 - min(width, 2 * float(half.max())) / 0.085) - 0.06)
         self.world.command_gripper(1.0)
         mujoco.mj_forward(self._model, self._data)
-        if self._deep():
+        if self._penetrates():
             return False
         pose = self._item_pose(item)
         for _ in range(round(0.2 / _PERIOD)):
@@ -223,10 +222,8 @@ class Sampler:
         self._pass_time(float(self._rng.choice([0.05, 0.25])))
         return True
 
-    # Inside.
-
-    def _deep(self) -> bool:
-        """Whether something is where something else is already."""
+    def _penetrates(self) -> bool:
+        """Whether any contact is deeper than `_TOUCH`."""
         return any(contact.dist < -_TOUCH for contact in self._data.contact[: self._data.ncon])
 
     def _item_pose(self, item: str) -> FloatArray:

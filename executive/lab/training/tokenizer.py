@@ -1,4 +1,4 @@
-"""The eye's tokenizer: words, made from everything that the eye is ever asked in training, in lower case."""
+"""The tokenizer of the trained model: a lower-case vocabulary made from all training questions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ END, IMAGE, SYSTEM, USER, ASSISTANT, UNKNOWN = (
 SPECIAL = (END, UNKNOWN, IMAGE, SYSTEM, USER, ASSISTANT)
 ANSWERS = ("yes", "no", "true", "false")
 PICTURES = tuple(f"<|picture{number}|>" for number in range(1, 9))
-"""Before each picture's tokens: which one it is, in the order in which they are shown."""
+"""The marker before each picture's tokens, numbered in the order of the pictures."""
 
 TEMPLATE = """\
 {%- set shown = namespace(count=0) -%}
@@ -41,13 +41,13 @@ TEMPLATE = """\
 {%- endfor -%}
 {%- if add_generation_prompt -%}<|assistant|>{%- endif -%}
 """
-"""Pictures first: what is said of them then changes nothing in what is kept of them."""
+"""Pictures come first, so that the cached states of their tokens do not depend on the text."""
 
 
 def make_tokenizer(corpus: Iterable[str], size: int = 1536) -> Any:
-    """A transformers tokenizer whose words are those of a corpus, by frequency; what it does not know it spells.
+    """Trains a tokenizer (BPE) on a corpus; unknown words are spelled in letters.
 
-    Words and marks of punctuation are separate; upper case does not count.
+    Words and punctuation are separate tokens; case is ignored.
     """
     from tokenizers import Regex, Tokenizer, models, normalizers, pre_tokenizers, trainers
     from transformers import PreTrainedTokenizerFast

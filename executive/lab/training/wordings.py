@@ -1,4 +1,4 @@
-"""Many ways to ask about the same atom: a domain's `wordings.toml`, drawn from at random.
+"""Wordings of questions for training: a domain's `wordings.toml`, sampled at random.
 
     [questions]
     on-table = ["Is the {item} (|now )(on|on top of) the {table}?"]
@@ -6,8 +6,8 @@
     [objects]
     soda-can = ["soda can", "can of soda"]
 
-A group such as (on|on top of) stands for one of its parts; groups nest. A domain without such a file is asked in the
-words of its questions.toml alone, in which case nobody else's words can be expected to be understood.
+A group such as (on|on top of) stands for one of its parts; groups nest. Without such a file, questions have the wording
+of questions.toml alone, and the trained model cannot be expected to understand another.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ class Wordings:
     names: Mapping[str, tuple[str, ...]]
     parameters: Mapping[str, tuple[str, ...]]
     official: Mapping[Atom, str]
-    """Each atom in the words of `questions.toml`, which a run asks in."""
+    """Each atom's question in the wording of `questions.toml`, which runs use."""
 
     @classmethod
     def of(cls, task: Task, templates: Templates, file: Path | None = None, absent: Collection[str] = ()) -> Wordings:
-        """What can be asked about a task: its templates, and what `file` adds to them. `absent` are objects of other
-        tasks, whose names in the file are passed over.
+        """Reads the wordings of a task: its templates, and what `file` adds to them. `absent` are objects of other
+        tasks, whose names in the file are ignored.
 
         Raises:
             DomainError: the file has a mistake, named with its key.
         """
-        # A bracket in questions.toml is a bracket, and what has one is asked in no other words.
+        # A bracket in questions.toml is literal: a template that has one is no pattern.
         predicates = {name: [_small(text)] if "(" not in text else [] for name, text in templates.predicates.items()}
         names = {name: [text] for name, text in templates.names(task).items()}
         if file is not None:
@@ -78,8 +78,8 @@ class Wordings:
         )
 
     def draw(self, atom: Atom, rng: random.Random) -> tuple[str, list[str]]:
-        """One question about an atom, and what it calls the atom's arguments. One in five is the official one, which
-        is what runs ask."""
+        """Samples a question about an atom, and the names that it uses for the arguments. One in five has the official
+        wording, which runs use."""
         if rng.random() < 0.2 or not self.patterns[atom.predicate]:
             return self.official[atom], [self.names[name][0] for name in atom.args]
         pattern = expand(rng.choice(self.patterns[atom.predicate]), rng)
@@ -88,7 +88,7 @@ class Wordings:
 
 
 def expand(pattern: str, rng: random.Random) -> str:
-    """One of the texts that a pattern stands for."""
+    """Samples one of the texts that a pattern stands for."""
     while (group := _GROUP.search(pattern)) is not None:
         pattern = pattern[: group.start()] + rng.choice(group[1].split("|")) + pattern[group.end() :]
     return " ".join(pattern.split())
@@ -131,7 +131,7 @@ def _check(patterns: Sequence[str], parameters: Sequence[str], file: Path | None
 
 
 def _small(pattern: str) -> str:
-    """The pattern with its placeholders in small letters, as the parameters of PDDL are that they name."""
+    """The pattern with its placeholders in lower case, as PDDL's parameters are."""
     return re.sub(r"\{[^{}]*\}", lambda place: place[0].lower(), pattern)
 
 

@@ -1,4 +1,4 @@
-"""As much of Ray as a crew needs, in this process: what an actor is asked is done when somebody waits for it."""
+"""As much of Ray as a pool needs, in this process: what an actor is asked is done when somebody waits for it."""
 
 from __future__ import annotations
 

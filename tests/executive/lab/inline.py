@@ -1,17 +1,17 @@
-"""A crew that is this very process."""
+"""A pool that runs jobs in this process."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Generic
 
-from executive.lab.common.process_pool import Ended, J, V, Work, outcome
+from executive.lab.common.process_pool import J, JobResult, V, Work, run_captured
 
 
 class Inline(Generic[J, V]):
-    """Does jobs here; they come to their ends in another order than they were handed out."""
+    """Runs jobs here, and not in the order in which they were submitted."""
 
-    under_way = 0.0
+    running_progress = 0.0
 
     def __init__(self, prepare: Callable[[], Work[J, V]], jobs: int = 3) -> None:
         self.prepare, self.jobs, self.waiting, self.done = prepare, jobs, list[J](), list[J]()
@@ -27,14 +27,14 @@ class Inline(Generic[J, V]):
     def free(self) -> int:
         return self.jobs - len(self.waiting)
 
-    def hand(self, job: J) -> None:
+    def submit(self, job: J) -> None:
         assert self.free > 0
         self.waiting.append(job)
 
-    def gather(self, timeout: float) -> list[Ended[J, V]]:
+    def gather(self, timeout: float) -> list[JobResult[J, V]]:
         job = self.waiting.pop()
         self.done.append(job)
-        return [Ended(job, outcome(lambda: self.do(job)), 0.0)]
+        return [JobResult(job, run_captured(lambda: self.do(job)), 0.0)]
 
     def do(self, job: J) -> V:
         self.work = self.work or self.prepare()

@@ -8,7 +8,7 @@ import subprocess
 import time
 
 from executive.errors import InputError, MissingError
-from executive.lab.common.process_pool import Processes, Tell, done_by
+from executive.lab.common.process_pool import ProcessPool, ReportProgress, run_jobs
 
 
 class OddError(Exception):
@@ -26,7 +26,7 @@ class Worker:
     def __init__(self) -> None:
         self.done = 0
 
-    def __call__(self, job: str, tell: Tell) -> str:
+    def __call__(self, job: str, tell: ReportProgress) -> str:
         self.done += 1
         kind, _, more = job.partition(":")
         match kind:
@@ -61,10 +61,10 @@ def refusing() -> Worker:
 def main() -> None:
     """A parent of two processes that hang; it prints their numbers."""
     waiting = iter(["hangs:1", "hangs:2"])
-    with Processes[str, str](worker, 2) as crew:
-        for _ in done_by(crew, lambda: next(waiting, None), lambda: False):
-            if crew.under_way == 1.0:
-                print(*(member.process.pid for member in crew._members), flush=True)
+    with ProcessPool[str, str](worker, 2) as pool:
+        for _ in run_jobs(pool, lambda: next(waiting, None), lambda: False):
+            if pool.running_progress == 1.0:
+                print(*(member.process.pid for member in pool._workers), flush=True)
                 time.sleep(600)
 
 

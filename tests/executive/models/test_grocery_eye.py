@@ -12,7 +12,7 @@ import pytest
 from executive.app.estimators import EstimatorConfig, open_estimator, settled, shipped
 from executive.app.run import Run, RunConfig
 from executive.domain.loader import load_domain
-from executive.lab.training.scene_sampler import Sampler
+from executive.lab.training.scene_sampler import SceneSampler
 from executive.sim.relighting import Lights, Relighting, Shift
 from executive.types import Observation, OutcomeKind
 
@@ -51,7 +51,7 @@ class Moments:
     """A few moments that no training saw, and the pictures of each."""
 
     def __init__(self) -> None:
-        sampler = Sampler(DOMAIN, [20_261_122])
+        sampler = SceneSampler(DOMAIN, [20_261_122])
         self.studio = Relighting(sampler.world.model, sampler.world.spec)
         self.moments = [moment for _ in range(6) for moment in sampler.draw()]
         self.cameras = [camera.name for camera in sampler.world.spec.cameras]

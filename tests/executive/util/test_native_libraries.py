@@ -93,7 +93,7 @@ def test_tritons_library_is_there_before_a_picture_is_drawn(triton: Path, statem
         ),
         "from executive.s3e.backends import loading; loading.choose_device('auto')",
         "from executive.s3e.backends import loading; loading.native_bfloat16()",
-        "from executive.lab.training import descent",
+        "from executive.lab.training import optimiser",
     ],
 )
 def test_it_is_there_before_torch(triton: Path, statement: str) -> None:

@@ -18,7 +18,7 @@ from executive.faults import FaultInjector, parse_fault
 from executive.lab.campaign.design import Campaign, Contender, Episode, Place
 from executive.lab.campaign.episode import Player, Row, out_of_reach, row
 from executive.lab.campaign.scoring import Scorer, Tally
-from executive.lab.common.process_pool import Tell
+from executive.lab.common.process_pool import ReportProgress
 from executive.protocols import Sink
 from executive.trace.report.summary import Collector
 from executive.types import Atom, Event, Facts
@@ -85,7 +85,7 @@ def symbolic() -> Player:
     return play
 
 
-def play(episode: Episode, tell: Tell = lambda done: None) -> Row:
+def play(episode: Episode, tell: ReportProgress = lambda done: None) -> Row:
     stage = staged(episode)
     collector, tally = scored(stage)
     truth = stage.world.truth(stage.task.atoms)
@@ -97,7 +97,7 @@ RAISES, DIES, HANGS = 1, 2, 3
 
 
 def troubled() -> Player:
-    def play_or_not(episode: Episode, tell: Tell) -> Row:
+    def play_or_not(episode: Episode, tell: ReportProgress) -> Row:
         if episode.seed == RAISES:
             raise RuntimeError("a bug\nin two lines")
         if episode.seed == DIES:
@@ -110,7 +110,7 @@ def troubled() -> Player:
 
 
 class Here(Inline[Episode, Row]):
-    """A crew that is this process."""
+    """A pool that is this process."""
 
     def __init__(self) -> None:
         super().__init__(symbolic)

@@ -31,10 +31,10 @@ def kept(out: Path) -> dict[tuple[str, ...], Row]:
 
 def sit(out: Path, made: Campaign | None = None, warn: Callable[[str], None] = print, **chosen: Any) -> Here:
     """Have everything played that is missing."""
-    crew = Here()
+    pool = Here()
     with Bench(made or campaign(), out, COMMAND, warn) as bench:
-        assert bench.play(bench.wanted(**chosen), crew)
-    return crew
+        assert bench.play(bench.wanted(**chosen), pool)
+    return pool
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +44,9 @@ def whole() -> dict[tuple[str, ...], Row]:
 
 
 def test_every_episode_has_its_row(tmp_path: Path, whole: dict[tuple[str, ...], Row]) -> None:
-    crew = sit(tmp_path / "out")
+    pool = sit(tmp_path / "out")
     assert kept(tmp_path / "out") == whole
-    assert len(crew.done) == len(whole) == campaign().size
+    assert len(pool.done) == len(whole) == campaign().size
     manifest = read_manifest(tmp_path / "out")
     assert (manifest["title"], manifest["command"], manifest["episodes"]) == ("Things and places", COMMAND, 24)
     assert not (tmp_path / "out" / WORK).exists()
@@ -56,14 +56,14 @@ def test_every_episode_has_its_row(tmp_path: Path, whole: dict[tuple[str, ...], 
 def test_one_that_was_cancelled_goes_on_with_what_it_lacks(
     tmp_path: Path, whole: dict[tuple[str, ...], Row], after: int
 ) -> None:
-    crew = Here()
+    pool = Here()
     with Bench(campaign(), tmp_path, COMMAND) as bench:
 
         def watch(progress: Progress) -> None:
             if progress.new >= after:
                 bench.cancel()
 
-        assert not bench.play(bench.wanted(), crew, watch)
+        assert not bench.play(bench.wanted(), pool, watch)
     assert len(kept(tmp_path)) == after
     assert len(sit(tmp_path).done) == len(whole) - after
     assert kept(tmp_path) == whole

@@ -17,7 +17,7 @@ from executive.app.run import RunConfig
 from executive.errors import InputError, MissingError
 from executive.lab.campaign.design import Contender, Episode, Place
 from executive.lab.campaign.episode import FAILED, Simulated, command, out_of_reach, row_of
-from executive.lab.common.process_pool import Ended
+from executive.lab.common.process_pool import JobResult
 from executive.types import Facts
 from tests.executive.lab.campaign.players import campaign
 
@@ -64,9 +64,9 @@ def test_every_option_of_a_run_is_in_some_command_that_is_tested() -> None:
 
 def test_failures_are_told_in_a_line() -> None:
     episode = next(campaign().episodes())
-    assert row_of(Ended(episode, ValueError("two\nlines"), 1.5)).error == "ValueError: two lines"
-    assert row_of(Ended(episode, InputError("wrong", key="--x"), 0.0)).error == "--x: wrong"
-    missing = row_of(Ended(episode, MissingError("no GL", command="apt-get install gl"), 0.0))
+    assert row_of(JobResult(episode, ValueError("two\nlines"), 1.5)).error == "ValueError: two lines"
+    assert row_of(JobResult(episode, InputError("wrong", key="--x"), 0.0)).error == "--x: wrong"
+    missing = row_of(JobResult(episode, MissingError("no GL", command="apt-get install gl"), 0.0))
     assert (missing.outcome, missing.error) == (FAILED, "no GL; install it with: apt-get install gl")
     assert missing.key == episode.key
 

@@ -18,7 +18,7 @@ from executive.app.run import RunConfig
 from executive.cli import campaign_commands
 from executive.lab.campaign.design import Contender, Episode, Place
 from executive.lab.campaign.episode import Row, Simulated, row_of
-from executive.lab.common.process_pool import Processes
+from executive.lab.common.process_pool import ProcessPool
 from executive.s3e.backends.interface import YES_NO, Answer, AnswerWords, Backend
 from executive.s3e.backends.shared_client import HostEndedError, kept
 from executive.s3e.backends.shared_host import ModelHost
@@ -52,12 +52,12 @@ def test_the_rows_are_those_of_one_with_a_model_of_its_own(model: Path, tmp_path
     rows: list[Row] = []
     with (
         ModelHost() as host,
-        Processes(partial(Simulated, tmp_path, host.address), 2, 600.0, host.revive, alone=True) as crew,
+        ProcessPool(partial(Simulated, tmp_path, host.address), 2, 600.0, host.revive, single_threaded=True) as pool,
     ):
         for episode in wanted:
-            crew.hand(episode)
+            pool.submit(episode)
         while len(rows) < len(wanted):
-            rows += map(row_of, crew.gather(60.0))
+            rows += map(row_of, pool.gather(60.0))
         assert kept(host.address) == 2, "each worker keeps the look that it is at"
     own = Simulated(tmp_path)
     assert sorted(map(lasting, rows), key=lambda row: row.seed) == [lasting(own(episode)) for episode in wanted]
@@ -116,10 +116,10 @@ def test_an_episode_that_loses_its_model_fails_and_the_next_one_does_not(tmp_pat
 
 def test_before_an_episode_is_handed_out_there_is_time_to_see_to_things() -> None:
     told: list[int] = []
-    with Processes(players.symbolic, 1, 600.0, lambda: told.append(len(told))) as crew:
+    with ProcessPool(players.symbolic, 1, 600.0, lambda: told.append(len(told))) as pool:
         for episode in islice(players.campaign().episodes(), 2):
-            crew.hand(episode)
-            while not crew.gather(60.0):
+            pool.submit(episode)
+            while not pool.gather(60.0):
                 pass
     assert told == [0, 1]
 
@@ -156,10 +156,10 @@ def test_a_model_is_shared_where_that_saves_a_gpu_from_more_of_them_or_it_is_wan
         Episode(place, "none", who, 0, RunConfig(str(TRAY), estimator=who.kind, eye=who.eye)) for who in contenders
     ]
     monkeypatch.setattr("executive.s3e.backends.loading.has_gpu", lambda: gpu)
-    with campaign_commands._processes(tmp_path, wanted, jobs, 600.0, said) as crew:
-        assert isinstance(crew, Processes)
-        assert (crew.free, crew.gather(0.0)) == (jobs, [])
-        assert (len(crew._prepare.args) == 2) is shared  # type: ignore[attr-defined]
+    with campaign_commands._processes(tmp_path, wanted, jobs, 600.0, said) as pool:
+        assert isinstance(pool, ProcessPool)
+        assert (pool.free, pool.gather(0.0)) == (jobs, [])
+        assert (len(pool._prepare.args) == 2) is shared  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("option", ["--share-model", "--no-share-model"])

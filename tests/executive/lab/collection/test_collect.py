@@ -144,7 +144,7 @@ def test_a_process_that_dies_is_one_line_and_costs_nothing_finished(tmp_path: Pa
 
     with (
         Collection(config(tmp_path / "data", jobs=1)) as collection,
-        pytest.raises(ExecutiveError, match=r"^episode 0: its process died .*; go on with: executive collect "),
+        pytest.raises(ExecutiveError, match=r"^episode 0: its process died .*; resume with: executive collect "),
     ):
         collection.run(kill)
     Collection(config(tmp_path / "data")).close()

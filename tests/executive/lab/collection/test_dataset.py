@@ -144,7 +144,7 @@ def test_a_missing_shard_is_named(tmp_path: Path) -> None:
 
 
 def test_what_is_not_finished_is_not_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is not finished; go on with: executive collect x"):
+    with pytest.raises(InputError, match="is not finished; resume with: executive collect x"):
         dataset.read(samples.write(tmp_path, finished=False))
 
 

@@ -13,7 +13,7 @@ from executive.errors import InputError
 from executive.lab.collection import episode
 from executive.lab.collection.dataset import Ending
 from executive.lab.collection.episode import MOST_FAILURES, MOST_POINTS, Collector, Episode, instances
-from executive.lab.common.process_pool import Tell
+from executive.lab.common.process_pool import ReportProgress
 from executive.protocols import SkillContext
 from executive.types import Image, SkillResult, SkillStatus, Step
 
@@ -26,7 +26,7 @@ def play(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Episode]:
     """Play an episode whose every action is `act`, which is told how many there were before it."""
 
     def play(
-        act: Act, *, seed: int = 0, number: int = 0, most: int = MOST_POINTS, tell: Tell = lambda done: None
+        act: Act, *, seed: int = 0, number: int = 0, most: int = MOST_POINTS, tell: ReportProgress = lambda done: None
     ) -> Episode:
         begun: list[Step] = []
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from executive.errors import InputError
-from executive.lab.common.folder_lock import LOCK, lock, sweep
+from executive.lab.common.folder_lock import LOCK, lock, remove_partial
 
 HOLDER = """
 import sys, time
@@ -69,5 +69,5 @@ def test_what_was_half_written_goes_and_nothing_else(tmp_path: Path) -> None:
     kept = {".lock", ".hidden", "model.pt", "notes.1", ".git.d"}
     for name in kept:
         (tmp_path / name).touch()
-    sweep(tmp_path, tmp_path / "not there")
+    remove_partial(tmp_path, tmp_path / "not there")
     assert {each.name for each in tmp_path.iterdir()} == kept

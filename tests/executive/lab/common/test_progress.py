@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.lab.common.progress import Outlook, Progress, Stage, estimate, stages, told
+from executive.lab.common.progress import Progress, RemainingTime, Stage, estimate, show_progress, show_stages
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def test_the_pace_is_that_of_what_is_new(progress: Progress, said: str) -> None:
 
 def test_where_there_is_no_terminal_a_line_now_and_then_is_enough() -> None:
     stream = io.StringIO()
-    with told(stream, "episodes") as watch:
+    with show_progress(stream, "episodes") as watch:
         for second in range(65):
             watch(Progress(second, 64, second, float(second)))
         watch(Progress(64, 64, 64, 65.0))
@@ -48,24 +48,24 @@ def test_the_outlook_is_right_where_stages_compare_as_told(
 ) -> None:
     """Whatever the machine: what is left is what the rest of this stage and all later ones take."""
     names = [f"stage {number}" for number in range(len(efforts))]
-    outlook = Outlook(dict(zip(names, efforts, strict=True)))
+    remaining = RemainingTime(dict(zip(names, efforts, strict=True)))
     at = data.draw(st.integers(0, len(efforts) - 1))
     wanted = data.draw(st.integers(1, 1000))
     there = data.draw(st.integers(0, wanted - 1))
     done = data.draw(st.integers(there + 1, wanted))
     step = slower * efforts[at] / wanted
-    left = outlook.left(names[at], done, wanted, done - there, (done - there) * step)
+    left = remaining.left(names[at], done, wanted, done - there, (done - there) * step)
     assert left == pytest.approx((wanted - done) * step + slower * sum(efforts[at + 1 :]))
-    assert outlook.place(names[at]) == (at + 1, len(efforts))
+    assert remaining.place(names[at]) == (at + 1, len(efforts))
 
 
 def test_nothing_is_said_of_the_rest_before_something_is_done() -> None:
-    assert Outlook({"one": 1.0, "two": 2.0}).left("one", 3, 9, 0, 0.0) is None
+    assert RemainingTime({"one": 1.0, "two": 2.0}).left("one", 3, 9, 0, 0.0) is None
 
 
 def test_each_stage_is_named_with_how_many_there_are_and_how_long_all_of_it_takes() -> None:
     stream = io.StringIO()
-    with stages(stream) as watch:
+    with show_stages(stream) as watch:
         watch(Stage("pictures", 1, 2, 0, 4, None))
         watch(Stage("pictures", 1, 2, 1.5, 4, 7200.0))
         watch(Stage("pictures", 1, 2, 4, 4, 3600.4))
@@ -85,7 +85,7 @@ def test_on_a_terminal_there_is_a_bar_for_each_stage() -> None:
             return True
 
     stream = Terminal()
-    with stages(stream) as watch:
+    with show_stages(stream) as watch:
         watch(Stage("pictures", 1, 2, 2, 4, 7200.0))
         watch(Stage("tower", 2, 2, 1, 9, 3599.0, "loss 0.500"))
     last = stream.getvalue().replace("\r", "\n").splitlines()

@@ -173,10 +173,10 @@ def test_the_papers_settings_are_measured_and_kept(data: Path, model: Any) -> No
     server = model()
     eye = EstimatorConfig(server=server.url, cameras=(looks.CAMERAS[1],), abstention=False, instructions="paper")
     with Evaluator(replace(config(server, data, looks=2), eye=eye)) as evaluator:
-        crew = here(evaluator)
-        made = evaluator.run(crew)
-        assert isinstance(crew.work, Observer)
-        assert crew.work.eye.least_mass == 0.0
+        pool = here(evaluator)
+        made = evaluator.run(pool)
+        assert isinstance(pool.work, Observer)
+        assert pool.work.eye.least_mass == 0.0
     assert made is not None
     assert made.name == "tiny (paper) + Instruct + Pose"
     kept = store.document(made)["about"]
@@ -487,7 +487,7 @@ def test_nothing_answered_is_not_a_success(data: Path, model: Any, tmp_path: Pat
 def test_an_unfinished_collection_is_refused(model: Any, tmp_path: Path, capsys: Any) -> None:
     unfinished = looks.write(tmp_path / "begun", finished=False)
     assert run(unfinished, model(), "--out", tmp_path / "made") == cli.BAD_INPUT
-    assert "go on with: executive collect" in one_error_line(capsys)
+    assert "resume with: executive collect" in one_error_line(capsys)
     assert not (tmp_path / "made").exists()
 
 

@@ -1,4 +1,4 @@
-"""Sampled moments, their pictures, and what the tower is taught of them."""
+"""Sampled moments, their pictures, and the labels of the vision encoder."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import pytest
 import torch
 
 from executive.domain.loader import load_domain
-from executive.lab.training import image_shards, vision_tower
-from executive.lab.training.label_space import Subject
+from executive.lab.training import image_shards, vision_encoder
+from executive.lab.training.label_space import LabelSpace
 from executive.lab.training.network import MEAN, STD
 from executive.lab.training.presets import SMALLEST
-from executive.lab.training.scene_sampler import Sampler
+from executive.lab.training.scene_sampler import SceneSampler
 from tests.executive.sim.stage import ROOT
 
 TRAY = ROOT / "tests" / "domains" / "tray"
 
 
 @pytest.fixture(scope="module")
-def sampler() -> Iterator[Sampler]:
-    made = Sampler(load_domain(ROOT / "domains" / "grocery"), [3])
+def sampler() -> Iterator[SceneSampler]:
+    made = SceneSampler(load_domain(ROOT / "domains" / "grocery"), [3])
     yield made
     made.close()
 
 
-def test_moments_are_many_kinds_of_states(sampler: Sampler) -> None:
+def test_moments_are_many_kinds_of_states(sampler: SceneSampler) -> None:
     moments = [moment for _ in range(12) for moment in sampler.draw()]
     held = {
         str(atom) for moment in moments for atom, value in moment.facts.items() if value and "gripping" in str(atom)
@@ -47,7 +47,7 @@ def test_moments_are_many_kinds_of_states(sampler: Sampler) -> None:
 def test_the_same_seed_draws_the_same_moments() -> None:
     drawn = []
     for _ in range(2):
-        sampler = Sampler(load_domain(TRAY), [1, 2])
+        sampler = SceneSampler(load_domain(TRAY), [1, 2])
         drawn.append([moment.qpos for _ in range(2) for moment in sampler.draw()])
         sampler.close()
     assert len(drawn[0]) == len(drawn[1])
@@ -56,18 +56,18 @@ def test_the_same_seed_draws_the_same_moments() -> None:
 
 def test_a_shard_is_read_as_it_was_drawn(tmp_path: Path) -> None:
     told: list[float] = []
-    draw = image_shards.Drawing(str(TRAY), None, 5, 64, 6, tmp_path)
+    draw = image_shards.ShardWriter(str(TRAY), None, 5, 64, 6, tmp_path)
     draw(3, told.append)
     assert told == [pytest.approx(done / 6) for done in range(1, 7)]
     assert image_shards.shards(tmp_path) == [3]
     shard = image_shards.read_shard(tmp_path, 3)
-    subject = Subject.of(load_domain(TRAY))
+    labels = LabelSpace.of(load_domain(TRAY))
     count, cameras = shard.pictures.shape[:2]
     assert count == 6
     assert shard.pictures.shape[2:] == (64, 64, 3)
     assert shard.items.shape == (6, cameras, image_shards.MASK, image_shards.MASK)
-    assert shard.facts.shape == (6, len(subject.atoms))
-    assert set(np.unique(shard.items)) == {0, *range(1, len(subject.items) + 1)}
+    assert shard.facts.shape == (6, len(labels.atoms))
+    assert set(np.unique(shard.items)) == {0, *range(1, len(labels.items) + 1)}
     # Somebody else may have drawn it meanwhile; it is the same.
     there = (tmp_path / "shard-0003" / "pictures.npy").stat().st_ino
     image_shards.write_shard(tmp_path, 3, shard._asdict())
@@ -78,24 +78,24 @@ def test_a_shard_is_read_as_it_was_drawn(tmp_path: Path) -> None:
 def test_a_cell_shows_as_many_pixels_as_it_has() -> None:
     masks = torch.from_numpy(np.random.default_rng(0).integers(0, 3, (2, image_shards.MASK, image_shards.MASK)))
     for grid in (2, 4, 6, 12):
-        cells = vision_tower.shown(masks, 2, grid)
+        cells = vision_encoder.shown(masks, 2, grid)
         assert cells.shape == (2, 2, grid, grid)
         for item in range(2):
             assert torch.allclose(cells[:, item].sum((1, 2)), (masks == item + 1).sum((1, 2)).float())
 
 
-def test_unspoiled_pictures_are_normalised_and_nothing_else() -> None:
+def test_unaugmented_pictures_are_normalised_and_nothing_else() -> None:
     rng = np.random.default_rng(0)
     raw = rng.integers(0, 256, (3, 32, 32, 3), dtype=np.uint8)
-    made = vision_tower.prepared(raw, rng, spoil=False)
+    made = vision_encoder.prepared(raw, rng, augment=False)
     plain = (torch.from_numpy(raw).permute(0, 3, 1, 2) / 255.0 - MEAN) / STD
     assert torch.allclose(made, plain, atol=1e-5)
 
 
-def test_spoiled_pictures_stay_pictures() -> None:
+def test_augmented_pictures_stay_pictures() -> None:
     rng = np.random.default_rng(0)
     raw = rng.integers(0, 256, (20, 32, 32, 3), dtype=np.uint8)
-    made = vision_tower.prepared(raw, rng) * STD + MEAN
+    made = vision_encoder.prepared(raw, rng) * STD + MEAN
     assert float(made.min()) >= 0.0 - 1e-5
     assert float(made.max()) <= 1.0 + 1e-5
     plain = torch.from_numpy(raw).permute(0, 3, 1, 2) / 255.0
@@ -116,13 +116,13 @@ class Says(torch.nn.Module):
 
 def test_dense_labels_reward_what_is_shown() -> None:
     """Logits that say what the mask and the facts say cost next to nothing; the opposite costs much."""
-    subject = Subject.of(load_domain(TRAY))
-    dense = vision_tower.Dense(SMALLEST, subject)
-    items, facets = len(subject.items), len(subject.facets)
+    labels = LabelSpace.of(load_domain(TRAY))
+    dense = vision_encoder.Dense(SMALLEST, labels)
+    items, facets = len(labels.items), len(labels.facets)
     masks = torch.zeros(1, image_shards.MASK, image_shards.MASK, dtype=torch.uint8)
     masks[:, :24, :24] = 1
-    facts = torch.zeros(1, len(subject.atoms), dtype=torch.bool)
-    facts[0, subject.facets[0][1]] = True
+    facts = torch.zeros(1, len(labels.atoms), dtype=torch.bool)
+    facts[0, labels.facets[0][1]] = True
     right = torch.full((1, items + facets, 2, 2), -20.0)
     right[0, 0, 0, 0] = right[0, items, 0, 0] = 20.0
     finer = torch.full((1, items, 4, 4), -20.0)

@@ -1,4 +1,4 @@
-"""The smallest eye, grown from nothing to a checkpoint that anybody loads, in one sitting or several."""
+"""The smallest eye, trained from nothing to a checkpoint that anybody loads, in one sitting or several."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from executive.errors import InputError
 from executive.lab.common.folder_lock import lock
 from executive.lab.common.progress import Stage
 from executive.lab.training import optimiser
-from executive.lab.training.presets import Pace
+from executive.lab.training.presets import Schedule
 from executive.lab.training.train import MANIFEST, TrainConfig, Training
 from executive.s3e.backends.transformers_backend import TransformersBackend
 from tests.executive.sim.stage import ROOT
@@ -28,7 +28,7 @@ def config(out: Path, **chosen: object) -> TrainConfig:
 
 
 @pytest.fixture(scope="module")
-def grown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("eye") / "out"
     seen: list[Stage] = []
     model = Training(config(out)).run(seen.append)
@@ -42,8 +42,8 @@ def grown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_what_is_grown_is_a_checkpoint_like_any_other(grown: Path) -> None:
-    backend = TransformersBackend(grown / "model")
+def test_what_is_grown_is_a_checkpoint_like_any_other(trained: Path) -> None:
+    backend = TransformersBackend(trained / "model")
     picture = np.full((64, 64, 3), 128, np.uint8)
     look = backend.look([picture, picture], "Answer yes or no.")
     answers = look.ask(["Is the red cube on the tray?", "Is anything there?"])
@@ -51,18 +51,18 @@ def test_what_is_grown_is_a_checkpoint_like_any_other(grown: Path) -> None:
     assert look.path == "shared"
 
 
-def test_a_finished_training_is_not_run_again(grown: Path) -> None:
-    before = (grown / "model" / "model.safetensors").read_bytes()
+def test_a_finished_training_is_not_run_again(trained: Path) -> None:
+    before = (trained / "model" / "model.safetensors").read_bytes()
     seen: list[Stage] = []
-    Training(config(grown)).run(seen.append)
+    Training(config(trained)).run(seen.append)
     assert {stage.stage for stage in seen} == {"pictures"}
-    assert (grown / "model" / "model.safetensors").read_bytes() == before
+    assert (trained / "model" / "model.safetensors").read_bytes() == before
 
 
-def test_a_training_in_two_sittings_comes_to_the_same(grown: Path, tmp_path: Path) -> None:
-    """The pictures are there, the tower is not, and it is stopped after each report."""
+def test_a_training_in_two_sittings_comes_to_the_same(trained: Path, tmp_path: Path) -> None:
+    """The pictures are there, the encoder is not, and it is stopped after each report."""
     out = tmp_path / "again"
-    shutil.copytree(grown, out)
+    shutil.copytree(trained, out)
     for name in ("tower.pt", "language.pt", "together.pt", "fewer.pt"):
         (out / name).unlink()
     shutil.rmtree(out / "model")
@@ -75,15 +75,15 @@ def test_a_training_in_two_sittings_comes_to_the_same(grown: Path, tmp_path: Pat
             break
         assert sittings < 60
     assert sittings > 3
-    one, other = (torch.load(folder / "fewer.pt", weights_only=True)["parts"] for folder in (grown, out))
+    one, other = (torch.load(folder / "fewer.pt", weights_only=True)["parts"] for folder in (trained, out))
     for part in one:
         for name, value in one[part].items():
             assert torch.allclose(value.float(), other[part][name].float(), atol=1e-5), (part, name)
 
 
-def test_what_a_killed_training_left_half_written_is_in_nobodys_way(grown: Path, tmp_path: Path) -> None:
+def test_what_a_killed_training_left_half_written_is_in_nobodys_way(trained: Path, tmp_path: Path) -> None:
     out = tmp_path / "again"
-    shutil.copytree(grown, out)
+    shutil.copytree(trained, out)
     shutil.rmtree(out / "pictures" / "shard-0001")
     (out / "pictures" / ".shard-0001.99").mkdir()
     (out / ".tower.pt.99").write_bytes(b"half")
@@ -91,20 +91,20 @@ def test_what_a_killed_training_left_half_written_is_in_nobodys_way(grown: Path,
     assert {each.name for each in (out / "pictures").iterdir()} == {"shard-0000", "shard-0001"}
     assert not (out / ".tower.pt.99").exists()
     for name in ("pictures", "facts"):
-        one, other = ((folder / "pictures" / "shard-0001" / f"{name}.npy").read_bytes() for folder in (grown, out))
+        one, other = ((folder / "pictures" / "shard-0001" / f"{name}.npy").read_bytes() for folder in (trained, out))
         assert one == other
 
 
-def test_one_training_at_a_time_in_a_folder(grown: Path) -> None:
-    held = lock(grown, "training", "executive train")
+def test_one_training_at_a_time_in_a_folder(trained: Path) -> None:
+    held = lock(trained, "training", "executive train")
     with pytest.raises(InputError, match="another process is working in this folder, training since"):
-        Training(config(grown)).run()
+        Training(config(trained)).run()
     held.release()
 
 
-def test_another_training_is_refused(grown: Path) -> None:
+def test_another_training_is_refused(trained: Path) -> None:
     with pytest.raises(InputError, match="another training"):
-        Training(config(grown, seed=5))
+        Training(config(trained, seed=5))
 
 
 def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
@@ -120,19 +120,19 @@ def test_a_recipe_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFi
     assert not (tmp_path / "x").exists()
 
 
-def test_the_manifest_says_what_decides(grown: Path) -> None:
-    manifest = json.loads((grown / MANIFEST).read_text(encoding="utf-8"))
+def test_the_manifest_says_what_decides(trained: Path) -> None:
+    manifest = json.loads((trained / MANIFEST).read_text(encoding="utf-8"))
     assert manifest["seed"] == 0
     assert manifest["recipe"]["shards"] == 2
 
 
-def test_descent_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_a_stage_resumes_where_it_stopped(tmp_path: Path) -> None:
     def train(file: Path, stops: tuple[int, ...]) -> torch.Tensor:
         torch.manual_seed(0)
         part = torch.nn.Linear(3, 1)
         done = 0
 
-        def one(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, dict[str, float]]:
+        def step_loss(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, dict[str, float]]:
             nonlocal done
             done += 1
             x = torch.from_numpy(rng.normal(size=(8, 3))).float()
@@ -145,7 +145,7 @@ def test_descent_goes_on_where_it_stopped(tmp_path: Path) -> None:
                 return done >= limit
 
             try:
-                optimiser.descend("line", file, {"part": part}, Pace(60, 0.1, 5), one, 1, stopped=enough)
+                optimiser.train_stage("line", file, {"part": part}, Schedule(60, 0.1, 5), step_loss, 1, stopped=enough)
             except optimiser.CancelledError:
                 continue
         return part.weight.detach().clone()

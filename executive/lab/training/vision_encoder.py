@@ -1,7 +1,7 @@
-"""Stage 1: to see. The tower learns, for each cell of a picture, which items it shows and what is true of each.
+"""Stage 2: the vision encoder learns for each cell of a picture which items it shows, and which atoms are true of each.
 
-The labels are dense and free: the simulator draws which item each pixel shows, and an item's atoms are true wherever it
-is seen.
+The labels are dense: the simulator renders which item each pixel shows, and an item's atoms hold wherever it is
+visible.
 """
 
 from __future__ import annotations
@@ -15,36 +15,36 @@ from torch import nn
 from torch.nn import functional
 
 from executive.lab.training.image_shards import MASK
-from executive.lab.training.label_space import Subject
+from executive.lab.training.label_space import LabelSpace
 from executive.lab.training.network import MEAN, STD
-from executive.lab.training.presets import Size
+from executive.lab.training.presets import ModelSize
 
 FEWEST = 3
-"""Pixels of the mask that a cell must show of an item before the cell is asked what is true of it."""
+"""The pixels of an item that a cell has to show before the item's atoms enter its loss."""
 
 _PLAIN, _BLUR, _JPEG = 0.4, 0.15, 0.15
-_GRAIN = 1 << 22
+_NOISE_LENGTH = 1 << 22
 
 
 class Dense(nn.Module):
-    """What is read off the tower's cells while it learns, and off those of the stage before, which are half as wide."""
+    """The linear heads on the cells of the encoder's last stage, and on those of the stage before, half as wide."""
 
-    def __init__(self, size: Size, subject: Subject) -> None:
+    def __init__(self, size: ModelSize, labels: LabelSpace) -> None:
         super().__init__()
-        self._owner, self._atom = subject.facet_items, subject.facet_atoms
-        self._items = len(subject.items)
-        self.cells = nn.Conv2d(size.widths[-1], self._items + len(subject.facets), 1)
+        self._owner, self._atom = labels.facet_items, labels.facet_atoms
+        self._items = len(labels.items)
+        self.cells = nn.Conv2d(size.widths[-1], self._items + len(labels.facets), 1)
         self.halves = nn.Conv2d(size.widths[-2], self._items, 1)
 
     def forward(
         self, last: torch.Tensor, before: torch.Tensor, masks: torch.Tensor, facts: torch.Tensor
     ) -> tuple[torch.Tensor, dict[str, float]]:
-        """The loss, and what it is made of.
+        """Returns the loss and its components.
 
         Args:
-            last: the tower's output, (B, C, G, G).
-            before: that of the stage before, (B, C', 2G, 2G).
-            masks: which item a pixel shows, (B, M, M).
+            last: the output of the last stage, (B, C, G, G).
+            before: the output of the stage before, (B, C', 2G, 2G).
+            masks: the item that each pixel shows, (B, M, M).
             facts: which atoms are true, (B, A).
         """
         grid, masks, facts = last.shape[-1], masks.to(last.device), facts.to(last.device)
@@ -59,37 +59,37 @@ class Dense(nn.Module):
         known = (wrong * clear).sum() / (clear.sum() + 1.0)
         halves = (shown(masks, self._items, 2 * grid) >= 1).float()
         finer = functional.binary_cross_entropy_with_logits(self.halves(before.float()), halves)
-        told = {"seen": float(seen.detach()), "known": float(known.detach()), "finer": float(finer.detach())}
-        return 5.0 * seen + known + 2.0 * finer, told
+        parts = {"seen": float(seen.detach()), "known": float(known.detach()), "finer": float(finer.detach())}
+        return 5.0 * seen + known + 2.0 * finer, parts
 
 
 def shown(masks: torch.Tensor, items: int, grid: int) -> torch.Tensor:
-    """How many pixels of the mask each cell shows of each item: (B, items, grid, grid)."""
+    """Counts the mask pixels of each item in each cell: (B, items, grid, grid)."""
     cell = MASK // grid
     each = torch.stack([masks == item + 1 for item in range(items)], 1).float()
     return functional.avg_pool2d(each, cell) * cell**2
 
 
-def features(tower: nn.Module, pictures: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """The outputs of the tower's last stage and of the one before."""
+def features(encoder: nn.Module, pictures: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """The outputs of the encoder's last stage and of the one before."""
     with torch.autocast(pictures.device.type, torch.bfloat16):
-        states = tower(pictures, output_hidden_states=True).hidden_states
+        states = encoder(pictures, output_hidden_states=True).hidden_states
     return states[-1], states[-2]
 
 
-def prepared(raw: np.ndarray[Any, np.dtype[np.uint8]], rng: np.random.Generator, spoil: bool = True) -> torch.Tensor:
-    """Pictures (B, S, S, 3) as the model takes them, (B, 3, S, S): normalised, and most of them made worse.
+def prepared(raw: np.ndarray[Any, np.dtype[np.uint8]], rng: np.random.Generator, augment: bool = True) -> torch.Tensor:
+    """Normalises pictures (B, S, S, 3) to (B, 3, S, S), and augments most of them.
 
-    Contrast, brightness, saturation and the colours' balance are one matrix a picture; then there are grain, blur, and
-    JPEG of qualities from 25 on.
+    Contrast, brightness, saturation and colour balance are one matrix per picture; noise, blur, and JPEG of quality 25
+    and more follow.
     """
     count, side = len(raw), raw.shape[1]
-    if spoil:
+    if augment:
         raw = raw.copy()
         for index in np.flatnonzero(rng.random(count) < _JPEG):
             raw[index] = _through_jpeg(raw[index], int(rng.integers(25, 90)))
     x = torch.from_numpy(np.ascontiguousarray(raw)).float().view(count, side * side, 3)
-    worse = (rng.random(count) >= _PLAIN) * float(spoil)
+    worse = (rng.random(count) >= _PLAIN) * float(augment)
     contrast, saturation = (1.0 + worse * rng.uniform(-spread, spread, count) for spread in (0.25, 0.3))
     bright = worse * rng.uniform(-0.08, 0.08, count)
     balance = 1.0 + worse[:, None] * rng.uniform(-0.06, 0.06, (count, 3))
@@ -102,8 +102,8 @@ def prepared(raw: np.ndarray[Any, np.dtype[np.uint8]], rng: np.random.Generator,
         x,
         torch.from_numpy(matrix.transpose(0, 2, 1) / (255.0 * STD)).float(),
     )
-    if spoil:
-        _add_grain(y, worse * rng.uniform(0.0, 0.04, count) / STD, rng)
+    if augment:
+        _add_noise(y, worse * rng.uniform(0.0, 0.04, count) / STD, rng)
     y = y.view(count, side, side, 3).permute(0, 3, 1, 2)
     blurred = torch.from_numpy(np.flatnonzero((rng.random(count) < _BLUR) & (worse > 0)))
     if len(blurred):
@@ -111,19 +111,18 @@ def prepared(raw: np.ndarray[Any, np.dtype[np.uint8]], rng: np.random.Generator,
     return y.clamp_((0.0 - MEAN) / STD, (1.0 - MEAN) / STD)
 
 
-_grain: torch.Tensor | None = None
+_noise: torch.Tensor | None = None
 
 
-def _add_grain(y: torch.Tensor, strength: np.ndarray[Any, Any], rng: np.random.Generator) -> None:
-    """Add noise, in place. Drawing as much as is needed each time would cost more than the tower; it is cut from one
-    long piece."""
-    global _grain
+def _add_noise(y: torch.Tensor, strength: np.ndarray[Any, Any], rng: np.random.Generator) -> None:
+    """Adds noise in place, cut from one long piece: to draw it anew each time would cost more than the encoder."""
+    global _noise
     length = y[0].numel()
-    if _grain is None or len(_grain) < 2 * length:
-        _grain = torch.randn(max(_GRAIN, 2 * length), generator=torch.Generator().manual_seed(0))
+    if _noise is None or len(_noise) < 2 * length:
+        _noise = torch.randn(max(_NOISE_LENGTH, 2 * length), generator=torch.Generator().manual_seed(0))
     for index in np.flatnonzero(strength):
-        begin = int(rng.integers(len(_grain) - length))
-        y[index].view(-1).add_(_grain[begin : begin + length], alpha=float(strength[index]))
+        begin = int(rng.integers(len(_noise) - length))
+        y[index].view(-1).add_(_noise[begin : begin + length], alpha=float(strength[index]))
 
 
 def _through_jpeg(picture: np.ndarray[Any, np.dtype[np.uint8]], quality: int) -> np.ndarray[Any, np.dtype[np.uint8]]:

@@ -1,4 +1,4 @@
-"""Who does long work: the options that say so, for every command that has such work."""
+"""The options of every command that runs jobs in a process pool or on Ray."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from executive.errors import InputError, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from executive.lab.common.process_pool import Crew, J, V, Work
+    from executive.lab.common.process_pool import J, V, Work, WorkerPool
 
 ENGINES = ("processes", "ray")
 
 Jobs = Annotated[int | None, typer.Option(min=1, help="How many at a time; as many as there are cores if not given.")]
-Engine = Annotated[str, typer.Option(help="Who does it: processes of this machine, or ray.")]
+Engine = Annotated[str, typer.Option(help="What runs the jobs: processes of this machine, or ray.")]
 Address = Annotated[str | None, typer.Option(help="Of a Ray cluster, for --engine ray.")]
 
 
 def check(engine: str, address: str | None) -> None:
-    """Refuse what makes no sense.
+    """Checks the two options against each other.
 
     Raises:
         InputError: there is no such engine, or it has no address.
@@ -32,18 +32,18 @@ def check(engine: str, address: str | None) -> None:
         raise InputError("goes with --engine ray", key="--address")
 
 
-def crew(
+def make_pool(
     prepare: Callable[[], Work[J, V]], jobs: int | None, engine: str, address: str | None, **chosen: Any
-) -> Crew[J, V]:
-    """Whoever does the jobs; `chosen` are more settings of `executive.lab.common.process_pool.Processes`.
+) -> WorkerPool[J, V]:
+    """The pool that runs the jobs; `chosen` are more arguments of `executive.lab.common.process_pool.ProcessPool`.
 
     Raises:
         MissingError: Ray is not installed.
         ExecutiveError: Ray has no cluster there.
     """
-    from executive.lab.common.process_pool import Processes
-    from executive.lab.common.ray_pool import OnRay
+    from executive.lab.common.process_pool import ProcessPool
+    from executive.lab.common.ray_pool import RayPool
 
     if engine == "ray":
-        return OnRay(prepare, jobs, address=address)
-    return Processes(prepare, jobs, **chosen)
+        return RayPool(prepare, jobs, address=address)
+    return ProcessPool(prepare, jobs, **chosen)
