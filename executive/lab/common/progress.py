@@ -25,8 +25,8 @@ class Progress(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """How far a training is: in which of its `stages`, counted from 1, with `done` of `wanted` steps; `left` are the
-    seconds that all of it still takes, as far as that can be metrics, and `metrics` says how good it is by now."""
+    """The progress of a training: the `number` of the stage from 1 of `stages`, `done` of `wanted` steps; `left` is the
+    estimate of the seconds until the end of all stages, if there is one, and `metrics` a text of the current metrics."""
 
     stage: str
     number: int

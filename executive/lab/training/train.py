@@ -157,9 +157,7 @@ class Training:
 
         def tell(report: Report) -> None:
             text = ", ".join(f"{name} {value:.3f}" for name, value in report.metrics.items())
-            watch(
-                self._stage(report.stage, report.step, report.steps, report.new, report.new * report.seconds, metrics)
-            )
+            watch(self._stage(report.stage, report.step, report.steps, report.new, report.new * report.seconds, text))
 
         def stopped() -> bool:
             return self._cancelled
