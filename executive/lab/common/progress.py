@@ -26,7 +26,7 @@ class Progress(NamedTuple):
 
 class Stage(NamedTuple):
     """The progress of a training: the `number` of the stage from 1 of `stages`, `done` of `wanted` steps; `left` is the
-    estimate of the seconds until the end of all stages, if there is one, and `metrics` a text of the current metrics."""
+    estimate of the seconds until the end of all stages, if there is one, and `metrics` the current metrics as text."""
 
     stage: str
     number: int

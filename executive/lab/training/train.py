@@ -146,7 +146,7 @@ class Training:
 
     def _train(self, watch: Watch) -> Path:
         from executive.lab.training import model_card, network, optimiser
-        from executive.lab.training.stages import FEWER, LANGUAGE, TOGETHER, TOWER, Trainer
+        from executive.lab.training.stages import FEWER, LANGUAGE, TOGETHER, TOWER, ShardPool, Trainer
         from executive.lab.training.wordings import WORDINGS
 
         optimiser.use_threads(self.config.jobs)
