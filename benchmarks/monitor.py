@@ -80,7 +80,7 @@ class Looks:
             if spoiled:
                 self.eyes.append(contenders.spoiled(spoiled, trust, trusts))
             name = self.eyes[-1].name
-            for setting, monitor in looks.settings(domain, network, trust.eye, ActionModel(counts)):
+            for setting, monitor in looks.settings(domain, network, trust.sensor_model, ActionModel(counts)):
                 self.lines.append(looks.Line(name, setting, looks.judged(monitor, taken[1::2]), None))
             self.covered += looks.coverage(name, network, taken)
 
@@ -88,14 +88,14 @@ class Looks:
         taken = courses(domain, number, 20, 0)
         self._oracles(domain, network, ActionModel(), taken)
         name = "graded, often muddled"
-        eye = looks.trusted(network, courses(domain, 200, 20, 1), graded(0)).eye
+        eye = looks.trusted(network, courses(domain, 200, 20, 1), graded(0)).sensor_model
         self._line(domain, network, ActionModel(), taken, name, eye, graded(2))
         self.covered += looks.coverage(name, network, courses(domain, 300, 20, 3), graded(4))
 
     def _oracles(self, domain: Domain, network: MutexNetwork, actions: ActionModel, taken: Sequence[RunState]) -> None:
         for flips in (0.0, *contenders.FLIPS):
             name = contenders.flipped(flips) if flips else contenders.ORACLE
-            eye = SensorModel(other=ErrorModel(flips, flips), alike=0.0) if flips else EXACT
+            eye = SensorModel(other=ErrorModel(flips, flips), correlation_within=0.0) if flips else EXACT
             self._line(domain, network, actions, taken, name, eye, flipping(flips, 0))
 
     def _line(

@@ -10,10 +10,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from executive.app import sensor_fit as trust
+from executive.app import sensor_fit
 from executive.app.estimators import EstimatorConfig
 from executive.app.monitors import MonitorConfig
-from executive.app.sensor_fit import Trust
+from executive.app.sensor_fit import SensorFit
 from executive.belief.conformal import Conformal
 from executive.belief.sensor_model import ErrorModel, SensorModel
 from executive.domain.loader import load_domain
@@ -59,14 +59,14 @@ def oracles(folder: Path) -> list[Looking]:
         file = folder / f"flipped-{share:g}.json"
         for domain, predicates in PREDICATES.items():
             error_models = dict.fromkeys(predicates, ErrorModel(share, share))
-            trust.save(file, domain, Trust(SensorModel(error_models, alike=0.0), Conformal(), 0))
+            sensor_fit.save(file, domain, SensorFit(SensorModel(error_models, correlation_within=0.0), Conformal(), 0))
         made.append(Looking(flipped(share), "oracle", (f"estimator:wrong,share={share:g}@0-",), file))
     return made
 
 
-def spoiled(way: str, known: Trust, folder: Path) -> Looking:
+def spoiled(way: str, known: SensorFit, folder: Path) -> Looking:
     """The shipped eye whose pictures are spoiled, such as blurred=5, with what was learned of it."""
-    draft = trust.save(folder / "draft.json", "grocery", known)
+    draft = sensor_fit.save(folder / "draft.json", "grocery", known)
     file = folder / f"{way}-{zlib.crc32(draft.read_bytes()):08x}.json"  # another trust is another contender
     draft.replace(file)
     how, _, amount = way.partition("=")

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.monitored.courses import Answers, Ask, RunState
-from executive.app.sensor_fit import Trust, fit
+from executive.app.sensor_fit import SensorFit, fit
 from executive.belief import ActionModel, BayesMonitor, Monitor, MutexNetwork, SensorModel, ThresholdMonitor
 from executive.belief.conformal import Conformal, look_scores
 from executive.domain.loader import Domain
@@ -77,7 +77,7 @@ def settings(
     yield "+ memory", BayesMonitor(network, eye, actions)
 
 
-def trusted(network: MutexNetwork, taken: Sequence[RunState], ask: Ask | None = None) -> Trust:
+def trusted(network: MutexNetwork, taken: Sequence[RunState], ask: Ask | None = None) -> SensorFit:
     """How far an eye can be trusted, by what it says of some courses."""
     return fit([look for run_state in taken for look in _labelled(run_state, ask)], network)
 
@@ -86,7 +86,7 @@ def coverage(name: str, network: MutexNetwork, taken: Sequence[RunState], ask: A
     """Measured as a run without memory judges looks. What the answers are worth is learned from every third course; the
     others calibrate and are judged, in `SPLITS` random halves: courses are as good as exchangeable, looks of one are
     not, and a single split would say more about chance than about the method."""
-    eye = trusted(network, taken[::3], ask).eye
+    eye = trusted(network, taken[::3], ask).sensor_model
     monitor = BayesMonitor(network, eye, actions=None)
     scored = []
     for number, run_state in enumerate(taken):

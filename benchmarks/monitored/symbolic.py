@@ -99,5 +99,5 @@ def _monitor(episode: Episode, some: Task) -> Monitor:
     judge = episode.config.monitor
     if judge.threshold is not None:
         return ThresholdMonitor(some.atoms)
-    eye = EXACT if judge.trust is None else sensor_fit.load(judge.trust, "things").eye
+    eye = EXACT if judge.trust is None else sensor_fit.load(judge.trust, "things").sensor_model
     return BayesMonitor(MutexNetwork(some.atoms, groups(some)), eye, ActionModel() if judge.memory else None)

@@ -16,7 +16,7 @@ from executive.app.monitors import MonitorConfig
 from executive.core.policy import Settings
 from executive.domain.loader import Domain
 from executive.errors import InputError, nearest
-from executive.util.atomic_write import write_whole
+from executive.util.atomic_write import write_atomic
 from executive.util.files import check_writable, legible, read_toml, reason
 
 CONFIG = "config.toml"
@@ -132,7 +132,7 @@ def make_folder(config: RunConfig, domain: Domain) -> Path:
             continue
         except (OSError, ValueError) as error:
             raise InputError(f"cannot be made: {reason(error)}", file=folder, key="--runs") from error
-        write_whole(folder / CONFIG, _toml(config).encode())
+        write_atomic(folder / CONFIG, _toml(config).encode())
         return folder
     raise _taken(config.runs / names[0])
 

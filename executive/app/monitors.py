@@ -1,6 +1,6 @@
-"""The monitor, put together from a few words: how sure is sure enough, and whether it remembers.
+"""Builds a run's monitor from its configuration.
 
-Everything that is built here could be built by hand from `executive.belief`.
+Everything that is built here can be built by hand from `executive.belief`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from executive.app import sensor_fit as trust
+from executive.app import sensor_fit
 from executive.app.estimators import EstimatorConfig
 from executive.belief import (
     EXACT,
@@ -29,13 +29,19 @@ from executive.planning.mutex_groups import find_mutexes
 
 @dataclass(frozen=True, slots=True)
 class MonitorConfig:
-    """What decides what is made of the looks.
+    """The options of a monitor.
 
-    `alpha` is the share of looks in which something may be told wrongly, predicate by predicate; the thresholds follow
-    from the calibration looks in the file `trust`, by default the one beside the model's folder. `threshold` takes
-    every answer at its word instead, above or below it: no unknowns, no consistency, no memory, as in the paper (0.5).
-    Without `memory` each moment is judged by its own looks alone. Without any of these, what is less sure than
-    `executive.belief.bayes_filter.BAND` is unknown.
+    Attributes:
+        alpha: the requested error rate: the share of looks in which, by predicate, some atom may get the wrong value.
+            The thresholds follow from the calibration looks in the file `trust`. Without an error rate they are
+            `executive.belief.bayes_filter.DEFAULT_THRESHOLDS`.
+        threshold: thresholds every answer at this probability instead: no unknowns, no consistency, no memory, as in
+            the paper (0.5).
+        memory: whether earlier looks count; without it, each moment is estimated from its own looks alone.
+        trust: the file with the sensor model and the calibration looks; by default, the one in the model's folder.
+
+    Raises:
+        InputError: a value is out of its range, or two options exclude each other.
     """
 
     alpha: float | None = None
@@ -45,23 +51,24 @@ class MonitorConfig:
 
     def __post_init__(self) -> None:
         if self.alpha is not None and not 0.0 < self.alpha < 1.0:
-            raise InputError(f"an error rate between 0 and 1, not {self.alpha:g}", key="--alpha")
+            raise InputError(f"expected an error rate between 0 and 1, got {self.alpha:g}", key="--alpha")
         if self.threshold is not None and not 0.0 <= self.threshold <= 1.0:
-            raise InputError(f"a probability from 0 to 1, not {self.threshold:g}", key="--threshold")
+            raise InputError(f"expected a probability from 0 to 1, got {self.threshold:g}", key="--threshold")
         if self.threshold is not None and self.alpha is not None:
-            raise InputError("is one way to say how sure is sure enough, --threshold is another", key="--alpha")
+            raise InputError("sets the thresholds by an error rate, and excludes --threshold", key="--alpha")
         if self.threshold is not None and self.trust is not None:
-            raise InputError("goes without --threshold, which takes the eye at its word", key="--trust")
+            raise InputError("excludes --threshold, which uses no sensor model", key="--trust")
 
 
 PRESETS: Mapping[str, MonitorConfig] = MappingProxyType(
     {"plain": MonitorConfig(threshold=0.5), "consistent": MonitorConfig(memory=False), "full": MonitorConfig()}
 )
-"""Each answer alone, as in the paper; the answers of one moment together; and with all that was seen before."""
+"""plain: each answer thresholded on its own, as in the paper; consistent: the answers of one moment made consistent;
+full: the same with memory."""
 
 
 def preset(name: str, key: str = "--monitor") -> MonitorConfig:
-    """The monitor of that name.
+    """Return the preset of that name.
 
     Raises:
         InputError: there is none.
@@ -71,50 +78,60 @@ def preset(name: str, key: str = "--monitor") -> MonitorConfig:
     return PRESETS[name]
 
 
-def open_monitor(config: MonitorConfig, domain: Domain, eye: EstimatorConfig | None, seconds: float = 30.0) -> Monitor:
-    """The monitor of a run in which `eye` looks; None is one that is always right, unless the file of trust says
-    otherwise. Finds the task's mutex groups, which may take so many wall `seconds`.
+def open_monitor(
+    config: MonitorConfig, domain: Domain, estimator: EstimatorConfig | None, seconds: float = 30.0
+) -> Monitor:
+    """Build a run's monitor, and find the task's mutex groups for it.
+
+    Args:
+        estimator: the options of the estimator that it monitors; None for the oracle, whose sensor model is exact
+            unless `config.trust` has another one.
+        seconds: the wall time that finding the mutex groups may take.
 
     Raises:
-        InputError: the file of trust is none, or has too few looks for the error rate.
+        InputError: the file `trust` is damaged, or has too few looks for the error rate.
         DomainError: the domain's outcomes have a mistake.
         MissingError: Fast Downward's translator is not installed.
     """
     if config.threshold is not None:
         return ThresholdMonitor(domain.task.atoms, Thresholds(config.threshold, config.threshold))
-    # What costs little and can be wrong comes first.
-    counts = {} if domain.outcomes is None else trust.load_outcomes(domain.outcomes, domain.parsed.actions)
-    worth, thresholds = _eye(config, domain, eye)
+    # What is cheap to check comes first.
+    counts = {} if domain.outcomes is None else sensor_fit.load_outcomes(domain.outcomes, domain.parsed.actions)
+    sensor, thresholds = _sensor_model(config, domain, estimator)
     network = MutexNetwork(domain.task.atoms, find_mutexes(domain.parsed, timeout=seconds).groups)
     actions = ActionModel(counts) if config.memory else None
-    return BayesMonitor(network, worth, actions, thresholds, domain.looking.carried)
+    return BayesMonitor(network, sensor, actions, thresholds, domain.looking.carried)
 
 
-def _eye(
-    config: MonitorConfig, domain: Domain, eye: EstimatorConfig | None
+def _sensor_model(
+    config: MonitorConfig, domain: Domain, estimator: EstimatorConfig | None
 ) -> tuple[SensorModel, Mapping[str, Thresholds]]:
-    """What the eye's answers are worth, and the thresholds that were asked for."""
-    if eye is None and config.trust is None:
+    """Return the estimator's sensor model, and the thresholds for the requested error rate."""
+    if estimator is None and config.trust is None:
         if config.alpha is not None:
-            message = "is for an eye that errs; it goes with --estimator vlm, or with --trust where a fault has it err"
+            message = (
+                "needs --estimator vlm, or --trust where a fault makes the oracle err: the oracle has no error rate"
+            )
             raise InputError(message, key="--alpha")
         return EXACT, {}
-    file = config.trust or (trust.beside(eye.vlm) if eye is not None and eye.server is None else None)
+    file = config.trust or (
+        sensor_fit.default_file(estimator.vlm) if estimator is not None and estimator.server is None else None
+    )
     if file is None:
         if config.alpha is not None:
             message = (
-                f"it is not known how often this eye errs: there is no {trust.FILE} beside the model; have executive "
-                "calibrate make one, or name one with --trust"
+                f"the model's error rates are not known: there is no {sensor_fit.FILE} in its folder; make one with "
+                "executive calibrate, or name one with --trust"
             )
             raise InputError(message, key="--alpha")
         return SensorModel(), {}
-    known = trust.load(file, domain.name)
+    known = sensor_fit.load(file, domain.name)
     if config.alpha is None:
-        return known.eye, {}
+        return known.sensor_model, {}
     unmeasured = sorted({atom.predicate for atom in domain.task.atoms} - known.conformal.scores.keys())
     if unmeasured:
         raise InputError(f"has no calibration looks about {', '.join(unmeasured)}", file=file, key="--alpha")
     try:
-        return known.eye, known.conformal.thresholds(config.alpha)
+        return known.sensor_model, known.conformal.thresholds(config.alpha)
     except ValueError as error:
         raise InputError(str(error), file=file, key="--alpha") from None

@@ -1,17 +1,15 @@
-"""How far an eye can be trusted in a domain: what its answers are worth, and how sure it has to be for an error rate.
+"""Fits an estimator's sensor model and conformal thresholds in a domain, and reads and writes them.
 
-Both are learned from looks whose truth is known (an evaluation's, see `executive calibrate`) and lie in a file beside
-the model, `trust.json`, domain by domain.
+Both are fitted on labelled looks (an evaluation's, see `executive calibrate`) and kept in a file beside the model,
+`trust.json`, by domain.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
 import random
-import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,107 +24,109 @@ from executive.belief.mutex_inference import MutexNetwork
 from executive.belief.sensor_model import ErrorModel, SensorModel
 from executive.errors import DomainError, InputError, nearest
 from executive.types import Atom, Belief, SkillStatus
+from executive.util.atomic_write import write_atomic
 from executive.util.files import caseless, home, read_json, read_toml
 
 if TYPE_CHECKING:
     from executive.s3e.calibration import Scaling
 
 FILE = "trust.json"
-"""What the file is called that lies beside a model."""
+"""The name of the file beside a model."""
 
 PRIOR = 10.0
-"""Rates are what they would be with so many more answers at the rates that are assumed where nothing was measured."""
+"""The weight of the assumed error rates, in answers."""
 
-TOGETHER = 0.8
-"""How much a model's looks at the same thing are assumed to err together, at one moment and from one to the next (see
-`SensorModel`): a model that is asked about the same thing once more answers the same."""
+CORRELATION = 0.8
+"""The assumed correlation of a model's errors about the same thing, within a moment and across moments (see
+`SensorModel`): asked about the same thing again, a model answers the same."""
 
 _FORMAT = 1
 _LARGEST = 20_000_000
 _ABOUT = (
-    "How far this model's answers can be trusted (executive.app.sensor_fit), by domain, predicate and atom: the "
-    "evidence of an answer is slope * log-odds + bias, and no more than false_alarms and misses allow; scores are"
-    " the nonconformity of calibration looks (executive.belief.conformal)."
+    "The model's error rates (executive.app.sensor_fit), by domain, predicate and atom: the evidence of an answer is "
+    "slope * log-odds + bias, within the bounds that false_alarms and misses set; scores are the nonconformity of "
+    "calibration looks (executive.belief.conformal); alike and lasting are the correlations of errors within and "
+    "across moments."
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Trust:
-    """What was learned of one eye in one domain, from `looks` looks."""
+class SensorFit:
+    """An estimator's sensor model and conformal scores in one domain, fitted on `looks` looks."""
 
-    eye: SensorModel
+    sensor_model: SensorModel
     conformal: Conformal
     looks: int
 
 
 Look = tuple[Mapping[Atom, float], Mapping[Atom, bool]]
-"""The probability of each answered atom, as a run would get it, and the truth."""
+"""A labelled look: the probability of each answered atom, as a run would get it, and the truth."""
 
 
-def fit(looks: Sequence[Look], network: MutexNetwork) -> Trust:
-    """Learn from labelled looks.
+def fit(looks: Sequence[Look], network: MutexNetwork) -> SensorFit:
+    """Fit a sensor model and conformal scores on labelled looks.
 
-    What answers are worth is learned from half of the looks, drawn by a seed (not every other one: looks alternate, as
-    picks and places do): by predicate and, leaning on that where there are few, for each atom alone. The rest is for
-    thresholds: each of these looks is made consistent by the mutex groups of `network`, as in a run, and scored. Their
-    order matters only for which goes where.
+    The error models are fitted on half of the looks, drawn by a fixed seed (not every other look: they alternate, as
+    picks and places do): one for each predicate, and one for each atom, shrunk towards its predicate's. The other half
+    is for the thresholds: each look is made consistent by the mutex groups of `network`, as in a run, and scored. The
+    order of the looks only decides which half each is in.
 
     Raises:
         InputError: there are fewer than two looks with answers.
     """
-    kept = [(probability, truth) for probability, truth in looks if probability.keys() & truth.keys()]
-    if len(kept) < 2:
-        raise InputError("there is nothing to learn from: fewer than two looks have answers and labels")
-    shuffled = random.Random(0).sample(kept, len(kept))
-    for_eye, for_thresholds = shuffled[::2], shuffled[1::2]
-    there = sorted({atom for probability, truth in for_eye for atom in probability if atom in truth})
-    error_models = _readings(for_eye, {atom: atom.predicate for atom in there}, ErrorModel())
+    labelled = [(probability, truth) for probability, truth in looks if probability.keys() & truth.keys()]
+    if len(labelled) < 2:
+        raise InputError("fewer than two looks have answers and labels: there is nothing to fit")
+    shuffled = random.Random(0).sample(labelled, len(labelled))
+    for_model, for_thresholds = shuffled[::2], shuffled[1::2]
+    atoms = sorted({atom for probability, truth in for_model for atom in probability if atom in truth})
+    error_models = _fit_error_models(for_model, {atom: atom.predicate for atom in atoms}, ErrorModel())
     single: dict[Atom, ErrorModel] = {}
-    for predicate, reading in error_models.items():
-        of_it = {atom: f"{predicate}-{number}" for number, atom in enumerate(there) if atom.predicate == predicate}
-        if len(of_it) > 1:
-            found = _readings(for_eye, of_it, reading)
-            single |= {atom: found[name] for atom, name in of_it.items()}
-    eye = SensorModel(error_models, alike=TOGETHER, lasting=TOGETHER, atoms=single)
-    monitor = BayesMonitor(network, eye, actions=None)
+    for predicate, model in error_models.items():
+        names = {atom: f"{predicate}-{number}" for number, atom in enumerate(atoms) if atom.predicate == predicate}
+        if len(names) > 1:
+            found = _fit_error_models(for_model, names, model)
+            single |= {atom: found[name] for atom, name in names.items()}
+    sensor = SensorModel(error_models, correlation_within=CORRELATION, correlation_across=CORRELATION, atoms=single)
+    monitor = BayesMonitor(network, sensor, actions=None)
     judged = [
         (monitor.looked(monitor.begin(), Belief(-1, probability), 0)[1].belief.probability, truth)
         for probability, truth in for_thresholds
     ]
-    return Trust(eye, Conformal.of(judged), len(kept))
+    return SensorFit(sensor, Conformal.of(judged), len(labelled))
 
 
-def _readings(looks: Sequence[Look], names: Mapping[Atom, str], assumed: ErrorModel) -> dict[str, ErrorModel]:
-    """What answers are worth in each group of atoms, by the name that its atoms have. Where few were measured, rates
-    lean on those that are assumed, the rest on what all groups have in common."""
-    from executive.s3e.calibration import PRIOR as LEANING
+def _fit_error_models(looks: Sequence[Look], names: Mapping[Atom, str], assumed: ErrorModel) -> dict[str, ErrorModel]:
+    """Fit an error model for each class of atoms, by the class's name in `names`. With few answers, error rates are
+    shrunk towards the `assumed` ones, slope and bias towards those of all classes together."""
+    from executive.s3e.calibration import PRIOR as SHRINKAGE
     from executive.s3e.calibration import fit as fit_calibration
 
     renamed, pairs = [], {name: list[tuple[float, bool]]() for name in names.values()}
     for probability, truth in looks:
-        told = {atom: value for atom, value in probability.items() if atom in names and atom in truth}
-        for atom, value in told.items():
+        answers = {atom: value for atom, value in probability.items() if atom in names and atom in truth}
+        for atom, value in answers.items():
             pairs[names[atom]].append((value, truth[atom]))
-        new = {atom: Atom(names[atom], atom.args) for atom in told}
-        renamed.append((Belief(-1, {new[atom]: p for atom, p in told.items()}), {new[a]: truth[a] for a in told}))
+        new = {atom: Atom(names[atom], atom.args) for atom in answers}
+        renamed.append((Belief(-1, {new[a]: p for a, p in answers.items()}), {new[a]: truth[a] for a in answers}))
     scaling = fit_calibration(renamed)
     error_models = {}
     for name, correction in scaling.predicates.items():
         misses = _rate([value < 0.5 for value, true in pairs[name] if true], assumed.misses)
         false_alarms = _rate([value >= 0.5 for value, true in pairs[name] if not true], assumed.false_alarms)
-        if misses + false_alarms >= 0.99:  # the answers say nothing, or the opposite
+        if misses + false_alarms >= 0.99:  # the answers are uninformative, or inverted
             misses = false_alarms = 0.495
-        # How often atoms were true is in the correction, and no part of what an answer is worth. A group that has few
-        # of either kind leans on all of them there, and so it does here.
+        # The correction includes the base rate of true atoms, which is no part of a likelihood ratio. A class with few
+        # true or few false atoms was shrunk towards all of them there, and so is its base rate here.
         rarer = min(correction.true, correction.false)
         own, shared = _log_odds(correction), _log_odds(scaling.shared)
-        bias = correction.bias - (rarer * own + LEANING * shared) / (rarer + LEANING)
+        bias = correction.bias - (rarer * own + SHRINKAGE * shared) / (rarer + SHRINKAGE)
         error_models[name] = ErrorModel(false_alarms, misses, correction.slope, bias)
     return error_models
 
 
 def _log_odds(labels: Scaling) -> float:
-    """Of an atom's being true, among these labels."""
+    """Return the log-odds of an atom's being true among these labels."""
     return math.log((labels.true + 1) / (labels.false + 1))
 
 
@@ -135,15 +135,15 @@ def _rate(wrong: Sequence[bool], assumed: float) -> float:
 
 
 def load_outcomes(file: Path, actions: Collection[str]) -> Mapping[tuple[str, SkillStatus], Chances]:
-    """How often the actions came to what, by action and by what the skill reported: a domain's `outcomes.toml`.
+    """Read a domain's `outcomes.toml`: how often each outcome was counted, by action and reported status.
 
     Raises:
         DomainError: the first mistake, in one line with file and key.
     """
-    said = read_toml(file, mistake=DomainError)
+    document = read_toml(file, mistake=DomainError)
     statuses = [status.value for status in SkillStatus]
     counts = {}
-    for action, table in caseless(said, file, "", mistake=DomainError).items():
+    for action, table in caseless(document, file, "", mistake=DomainError).items():
         if action not in actions:
             raise DomainError(f"there is no action {action!r}; {nearest(action, actions)}", file=file, key=action)
         if not isinstance(table, dict):
@@ -170,23 +170,23 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class _Reading(_Table):
+class _ErrorModel(_Table):
     false_alarms: float
     misses: float
     slope: float
     bias: float
 
 
-class _Predicate(_Reading):
+class _Predicate(_ErrorModel):
     scores: list[float] = []
 
 
 class _Domain(_Table):
     looks: int = Field(ge=0)
-    alike: float
-    lasting: float = TOGETHER
+    alike: float = Field(ge=0, le=1)
+    lasting: float = Field(CORRELATION, ge=0, le=1)
     predicates: dict[str, _Predicate]
-    atoms: dict[str, _Reading] = {}
+    atoms: dict[str, _ErrorModel] = {}
 
 
 class _Document(_Table):
@@ -195,9 +195,9 @@ class _Document(_Table):
     domains: dict[str, _Domain]
 
 
-def save(path: Path, domain: str, trust: Trust) -> Path:
-    """Write what was learned about a domain beside what the file says of others; given a folder (a model's),
-    `trust.json` in it. The file is whole or as it was.
+def save(path: Path, domain: str, fitted: SensorFit) -> Path:
+    """Write a domain's fit into the file, atomically, and keep those of other domains. Given a folder (a model's), the
+    file is `trust.json` in it.
 
     Raises:
         InputError: it cannot be written, or what is there is no such file.
@@ -205,86 +205,78 @@ def save(path: Path, domain: str, trust: Trust) -> Path:
     file = path / FILE if os.path.isdir(path) else path
     domains = dict(_read(file).domains) if os.path.exists(file) else {}
     predicates = {
-        name: _Predicate(**asdict(reading), scores=[round(score, 9) for score in trust.conformal.scores.get(name, ())])
-        for name, reading in sorted(trust.eye.error_models.items())
+        name: _Predicate(**asdict(model), scores=[round(score, 9) for score in fitted.conformal.scores.get(name, ())])
+        for name, model in sorted(fitted.sensor_model.error_models.items())
     }
     domains[domain] = _Domain(
-        looks=trust.looks,
-        alike=trust.eye.alike,
-        lasting=trust.eye.lasting,
+        looks=fitted.looks,
+        alike=fitted.sensor_model.correlation_within,
+        lasting=fitted.sensor_model.correlation_across,
         predicates=predicates,
-        atoms={str(atom): _Reading(**asdict(reading)) for atom, reading in sorted(trust.eye.atoms.items())},
+        atoms={str(atom): _ErrorModel(**asdict(model)) for atom, model in sorted(fitted.sensor_model.atoms.items())},
     )
     document = _Document(about=_ABOUT, format=_FORMAT, domains=dict(sorted(domains.items())))
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
-        try:
-            with open(handle, "w", encoding="utf-8") as stream:
-                stream.write(json.dumps(document.model_dump(), indent=1) + "\n")
-            os.chmod(name, 0o644)
-            os.replace(name, file)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                os.unlink(name)
-            raise
+        return write_atomic(file, (json.dumps(document.model_dump(), indent=1) + "\n").encode())
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=file) from None
-    return file
 
 
-def load(path: Path, domain: str) -> Trust:
-    """What was learned about a domain; given a folder, from `trust.json` in it.
+def load(path: Path, domain: str) -> SensorFit:
+    """Read a domain's fit; given a folder, from `trust.json` in it.
 
     Raises:
-        InputError: the first mistake, in one line with file and key, or nothing was learned about that domain.
+        InputError: the first mistake, in one line with file and key, or the file has no fit for that domain.
     """
     file = path / FILE if os.path.isdir(path) else path
     domains = _read(file).domains
     if domain not in domains:
-        raise InputError(f"says nothing of the domain {domain!r}; {nearest(domain, domains)}", file=file, key="domains")
+        raise InputError(f"has no fit for the domain {domain!r}; {nearest(domain, domains)}", file=file, key="domains")
     table = domains[domain]
     error_models, scores, atoms = {}, {}, {}
-    for name, said in table.predicates.items():
+    for name, kept in table.predicates.items():
         try:
-            error_models[name] = _reading(said)
-            if said.scores:
-                scores[name] = Conformal({name: tuple(said.scores)}).scores[name]
+            error_models[name] = _error_model(kept)
+            if kept.scores:
+                scores[name] = Conformal({name: tuple(kept.scores)}).scores[name]
         except ValueError as error:
             raise InputError(str(error), file=file, key=f"domains.{domain}.predicates.{name}") from None
     for name, single in table.atoms.items():
         try:
-            atoms[Atom.parse(name)] = _reading(single)
+            atoms[Atom.parse(name)] = _error_model(single)
         except ValueError as error:
             raise InputError(str(error), file=file, key=f"domains.{domain}.atoms.{name}") from None
     try:
-        eye = SensorModel(error_models, alike=table.alike, lasting=table.lasting, atoms=atoms)
-        return Trust(eye, Conformal(scores), table.looks)
+        sensor = SensorModel(
+            error_models, correlation_within=table.alike, correlation_across=table.lasting, atoms=atoms
+        )
+        return SensorFit(sensor, Conformal(scores), table.looks)
     except ValueError as error:
         raise InputError(str(error), file=file, key=f"domains.{domain}") from None
 
 
-def beside(vlm: str | None) -> Path | None:
-    """The file beside a model's folder, if there is one."""
+def default_file(vlm: str | None) -> Path | None:
+    """Return the file in a model's folder, if there is one."""
     file = None if vlm is None else home(vlm) / FILE
     return file if file is not None and os.path.isfile(file) else None
 
 
-def _reading(said: _Reading) -> ErrorModel:
-    return ErrorModel(said.false_alarms, said.misses, said.slope, said.bias)
+def _error_model(kept: _ErrorModel) -> ErrorModel:
+    return ErrorModel(kept.false_alarms, kept.misses, kept.slope, kept.bias)
 
 
 def _read(file: Path) -> _Document:
-    said = read_json(file, largest=_LARGEST)
-    if isinstance(said, dict) and {"shared", "method"} & said.keys():
-        message = "corrects probabilities, and says nothing of trust: it is for --calibration"
+    content = read_json(file, largest=_LARGEST)
+    if isinstance(content, dict) and {"shared", "method"} & content.keys():
+        message = "has a calibration of probabilities, not a sensor model: it is for --calibration"
         raise InputError(message, file=file)
     try:
-        document = _Document.model_validate(said)
+        document = _Document.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"])) or None
-        raise InputError(f"is not what Executive wrote ({first['msg']})", file=file, key=key) from None
+        raise InputError(f"is not a file that Executive wrote ({first['msg']})", file=file, key=key) from None
     if document.format != _FORMAT:
         raise InputError(f"expected {_FORMAT}, got {document.format}", file=file, key="format")
     return document

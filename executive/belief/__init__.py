@@ -1,6 +1,7 @@
-"""What the looks amount to: three values, consistent with each other, and remembered (issue 5).
+"""State estimation: from the estimator's raw answers to true, false or unknown for each atom.
 
-`executive.belief.interface` has what the loop and a monitor say to each other. Pure; values in, values out.
+A monitor makes the answers consistent with the task's mutex groups and combines them with earlier looks.
+`executive.belief.interface` has the protocol between the loop and a monitor. All of it is pure: values in, values out.
 """
 
 from executive.belief.action_model import ActionModel, Chances

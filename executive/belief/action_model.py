@@ -1,9 +1,9 @@
-"""What becomes of the world when an action is carried out, and in between: the prior of the next look.
+"""The action model: how an action changes the belief, which is the prior of the next look.
 
-Three things can come of an action. Its effects come about; or nothing changes; or something else happens to what the
-action is about, such as an item that is dropped, and then anything is possible of it. How often each of them is the
-case hangs on the skill and on what it reports. And at any time, with a small chance, something happens to anything
-(someone moves an item), so that no memory is ever so sure that a clear look could not correct it.
+An action has one of three outcomes: its effects come about; nothing changes; or something else happens to the objects
+that it is about (an item is dropped, say), and then any state of them is possible. The probability of each outcome
+depends on the skill and on the status that it reports. Besides, process noise: between two actions anything may change
+with a small probability (someone moves an item), so that no belief is so certain that a clear look cannot correct it.
 """
 
 from __future__ import annotations
@@ -17,11 +17,14 @@ from typing import NamedTuple
 from executive.types import Atom, Facts, SkillResult, SkillStatus, Step
 
 PRIOR = 20.0
-"""The defaults count as much as this many measured actions."""
+"""The weight of the defaults, in measured actions."""
 
 
 class Chances(NamedTuple):
-    """Of an action that ended with some report: how probable each outcome is, or how often it was the case."""
+    """The probability of each outcome of an action that ended with some status, or how often each was counted.
+
+    The outcomes: all effects came about, nothing changed, something else happened.
+    """
 
     effects: float
     nothing: float
@@ -42,18 +45,21 @@ DEFAULTS: Mapping[SkillStatus, Chances] = MappingProxyType(
         SkillStatus.CRASHED: Chances(0.20, 0.50, 0.30),
     }
 )
-"""What is assumed of a skill that was not measured. A skill says what it felt, not what came of it, and any of these
-numbers only has to be good enough for one or two looks to overrule it."""
+"""The assumed outcome probabilities of a skill that was not measured. A skill reports what it sensed, not the outcome;
+these numbers only have to be good enough for one or two looks to overrule them."""
 
 
 @dataclass(frozen=True, slots=True)
 class ActionModel:
-    """How reliable the skills are, and how calm the world is.
+    """How reliable the skills are, and how much the world changes by itself.
 
     Args:
-        counts: of the actions with some name whose skill reported some status, how many had each outcome. The defaults
-            are corrected by them.
-        unrest: the chance that something happens to any given thing from one action to the next.
+        counts: how many actions had each outcome, by action and by the status that the skill reported. They correct
+            the defaults.
+        process_noise: the probability that any given atom changes by itself from one action to the next.
+
+    Raises:
+        ValueError: the process noise is not in (0, 1), or a count is negative.
     """
 
     counts: Mapping[tuple[str, SkillStatus], Chances] = field(default_factory=lambda: MappingProxyType({}))
@@ -61,47 +67,52 @@ class ActionModel:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.process_noise < 1.0:
-            raise ValueError(f"unrest: a chance between 0 and 1 is expected, got {self.process_noise}")
+            raise ValueError(f"process_noise: a probability between 0 and 1 is expected, got {self.process_noise}")
         for (action, status), counts in self.counts.items():
             if min(counts) < 0:
-                raise ValueError(f"{action}, {status}: fewer than no actions")
+                raise ValueError(f"{action}, {status}: counts have to be 0 or more")
 
     def chances(self, action: str, status: SkillStatus) -> Chances:
-        """How probable each outcome is: the defaults as `PRIOR` actions more, beside those that were counted."""
+        """Return the probability of each outcome: the counts, with the defaults as `PRIOR` more actions."""
         counts = self.counts.get((action, status), Chances(0, 0, 0))
         total = sum(counts) + PRIOR
         pairs = zip(counts, DEFAULTS[status], strict=True)
         return Chances(*((count + PRIOR * share) / total for count, share in pairs))
 
 
-FELT = math.log(499.0)
-"""What it is worth that fingers feel something between them, or nothing: taken to be wrong once in five hundred times.
-In the 2,000 collected actions that `domains/grocery/outcomes.toml` counts it never was."""
+GRIP_EVIDENCE = math.log(499.0)
+"""The log-likelihood ratio of the gripper's own sensing (something between the fingers, or nothing): assumed wrong once
+in five hundred times. In the 2,000 collected actions that `domains/grocery/outcomes.toml` counts it never was."""
 
-MISSING = math.log(19.0)
-"""What it is worth that a skill does not find what it went for. Two looks that see it there are worth more."""
+ABSENCE_EVIDENCE = math.log(19.0)
+"""The log-likelihood ratio of a skill's report that an object is not there. Two looks that see it there outweigh it."""
 
 
-def felt(
+def skill_evidence(
     carried: Mapping[str, tuple[str, tuple[int, ...]]], step: Step, result: SkillResult | None
 ) -> Mapping[Atom, float]:
-    """What a skill came upon, as evidence (log-odds): what the hand feels, and what was not there. That the hand is
-    around something says which thing only where the skill got what it went for."""
+    """Return the evidence (log-likelihood ratios) in a skill's report: what the gripper senses, and what was not there.
+
+    That the gripper holds something tells which object it is only where the skill reports success.
+    """
     if result is None:
         return MappingProxyType({})
     found: dict[Atom, float] = {}
     if result.status is SkillStatus.NOT_THERE:
         needed = [atom for atom, value in step.preconditions.items() if value and set(atom.args) & set(step.args)]
-        found = dict.fromkeys(needed, -MISSING) if len(needed) == 1 else {}
+        found = dict.fromkeys(needed, -ABSENCE_EVIDENCE) if len(needed) == 1 else {}
     atom = step.about(carried)
     if atom is not None and result.holding is not None and (result.done or not result.holding):
-        found[atom] = FELT if result.holding else -FELT
+        found[atom] = GRIP_EVIDENCE if result.holding else -GRIP_EVIDENCE
     return MappingProxyType(found)
 
 
 def outcome(step: Step, before: Facts, after: Facts) -> Chances:
-    """Which outcome an action had whose world was `before` and `after` it: one of the three counts 1. Both have to tell
-    all atoms that the step's effects name. An effect that held before comes about where it still holds."""
+    """Return which outcome an action had, as counts of which one is 1, given the facts before and after it.
+
+    Both have to include all atoms that the step's effects name. An effect that held before the action counts as come
+    about if it still holds.
+    """
     if all(after[atom] is value for atom, value in step.effects.items()):
         return Chances(1, 0, 0)
     if all(after[atom] is before[atom] for atom in step.effects):
@@ -109,9 +120,11 @@ def outcome(step: Step, before: Facts, after: Facts) -> Chances:
     return Chances(0, 0, 1)
 
 
-def applied(marginal: Mapping[Atom, float], step: Step, partners: Mapping[Atom, frozenset[Atom]]) -> dict[Atom, float]:
-    """Probabilities once the step's effects have come about. `partners` are the atoms that cannot be true beside
-    each."""
+def with_effects(
+    marginal: Mapping[Atom, float], step: Step, partners: Mapping[Atom, frozenset[Atom]]
+) -> dict[Atom, float]:
+    """Return the marginals after the step's effects have come about. `partners` are each atom's mutex partners: the
+    atoms that cannot be true together with it."""
     after = dict(marginal)
     for atom, value in step.effects.items():
         if value:
@@ -120,11 +133,14 @@ def applied(marginal: Mapping[Atom, float], step: Step, partners: Mapping[Atom, 
     return after
 
 
-def touched(step: Step, partners: Mapping[Atom, frozenset[Atom]]) -> frozenset[Atom]:
-    """The atoms that are open when something else than its effects comes of a step: those, and what shares a group and
-    a thing with them."""
-    things = frozenset(step.args)
-    near = {
-        mate for atom in step.effects for mate in partners[atom] if not mate.args or not things.isdisjoint(mate.args)
+def affected(step: Step, partners: Mapping[Atom, frozenset[Atom]]) -> frozenset[Atom]:
+    """Return the atoms that are undetermined when a step has another outcome than its effects: the effects' atoms, and
+    those of their mutex partners that share an object with the step."""
+    objects = frozenset(step.args)
+    related = {
+        partner
+        for atom in step.effects
+        for partner in partners[atom]
+        if not partner.args or not objects.isdisjoint(partner.args)
     }
-    return frozenset(near.union(step.effects))
+    return frozenset(related.union(step.effects))

@@ -1,16 +1,16 @@
-"""How sure is sure enough: thresholds by split conformal prediction (Vovk, Gammerman and Shafer 2005).
+"""Thresholds for a requested error rate, by split conformal prediction (Vovk, Gammerman and Shafer 2005).
 
-An answer's nonconformity is the probability that it left for what is not so: 1 - P for a true atom, P for a false one.
-A look's, as to one predicate, is the largest of its atoms. Of the scores of n calibration looks, the
-ceil((n + 1) (1 - alpha))-th smallest is q. In a new look each atom's set holds every truth value whose nonconformity
-would be at most q; where that is one value it is told, else the atom is unknown.
+An answer's nonconformity score is the probability that it gave to the wrong value: 1 - P for a true atom, P for a false
+one. A look's score for a predicate is the largest among its atoms. Of the scores of n calibration looks, the
+ceil((n + 1) (1 - alpha))-th smallest is q. In a new look, an atom's prediction set has every truth value whose score
+would be at most q; if that is one value, the atom has it, else the atom is unknown.
 
 The guarantee is per look and per predicate: if the new look is exchangeable with the calibration looks, then with a
 probability of at least 1 - alpha (over all of them) every atom of the predicate has its truth in its set, so that
-nothing is told wrongly; and, where no two looks score the same, of at most 1 - alpha + 1 / (n + 1). Answers of one look
-err together, which is why the look is the unit and not the atom; looks of one run are like each other, too, and so are
-the looks that are calibrated with to be as the new ones are. It says nothing about one atom given the others, and for k
-predicates at once no more than 1 - k alpha.
+none is wrong; and, where no two looks have the same score, of at most 1 - alpha + 1 / (n + 1). The errors of one look's
+answers are correlated, which is why the unit is the look and not the atom; looks of one run resemble each other, too:
+the calibration looks have to come from runs like the new ones. Nothing is guaranteed about one atom given the others,
+and for k predicates at once no more than 1 - k alpha.
 """
 
 from __future__ import annotations
@@ -26,7 +26,11 @@ from executive.types import Atom
 
 @dataclass(frozen=True, slots=True)
 class Conformal:
-    """For each predicate the scores of the calibration looks that answered about it, sorted."""
+    """The sorted scores of the calibration looks, by predicate; of each, those looks that answered about it.
+
+    Raises:
+        ValueError: a score is not in [0, 1].
+    """
 
     scores: Mapping[str, tuple[float, ...]] = field(default_factory=lambda: MappingProxyType({}))
 
@@ -39,7 +43,7 @@ class Conformal:
 
     @classmethod
     def of(cls, looks: Iterable[tuple[Mapping[Atom, float], Mapping[Atom, bool]]]) -> Conformal:
-        """From calibration looks: the probability of each answered atom, and the truth."""
+        """Compute the scores of calibration looks: of each, the probability of every answered atom, and the truth."""
         scores: dict[str, list[float]] = {}
         for probability, truth in looks:
             for predicate, score in look_scores(probability, truth).items():
@@ -47,7 +51,7 @@ class Conformal:
         return cls({predicate: tuple(values) for predicate, values in scores.items()})
 
     def quantile(self, predicate: str, alpha: float) -> float:
-        """q: what a new look's score exceeds with a probability of at most `alpha`.
+        """Return q, which a new look's score exceeds with a probability of at most `alpha`.
 
         Raises:
             ValueError: `alpha` is not between 0 and 1, or there are too few looks for it.
@@ -60,16 +64,16 @@ class Conformal:
         if rank > len(scores):
             needed = math.ceil(1.0 / alpha - 1e-9) - 1
             raise ValueError(
-                f"an error rate of {alpha:g} takes at least {needed} calibration looks, and there are {len(scores)} "
+                f"an error rate of {alpha:g} needs at least {needed} calibration looks, and there are {len(scores)} "
                 f"about {predicate}; the least rate with these is {1.0 / (len(scores) + 1):.2g}"
             )
         return scores[rank - 1]
 
     def thresholds(self, alpha: float) -> Mapping[str, Thresholds]:
-        """What is told of each predicate's atoms at error rate `alpha`, as thresholds.
+        """Return each predicate's thresholds for the error rate `alpha`.
 
-        Where q is below 0.5, no answer can be wrong by more than it: the nearer truth value is told of every atom (sets
-        that would be empty, which the guarantee counts as errors, are given that value).
+        If q is below 0.5, every atom gets the nearer truth value (prediction sets that would be empty, which the
+        guarantee counts as errors, get that value).
 
         Raises:
             ValueError: as `quantile`.
@@ -82,7 +86,7 @@ class Conformal:
 
 
 def look_scores(probability: Mapping[Atom, float], truth: Mapping[Atom, bool]) -> dict[str, float]:
-    """A look's nonconformity by predicate; predicates of which nothing was answered have none."""
+    """Return a look's nonconformity score by predicate; predicates without an answer have none."""
     scores: dict[str, float] = {}
     for atom, value in probability.items():
         if atom in truth:
@@ -94,7 +98,8 @@ def look_scores(probability: Mapping[Atom, float], truth: Mapping[Atom, bool]) -
 def covered(
     conformal: Conformal, alpha: float, looks: Sequence[tuple[Mapping[Atom, float], Mapping[Atom, bool]]]
 ) -> Mapping[str, float]:
-    """The share of looks in which every atom's truth is in its set, by predicate: what is to be 1 - alpha."""
+    """Return the empirical coverage by predicate, which should be 1 - alpha: the share of looks in which every atom's
+    truth is in its set."""
     scores: dict[str, list[bool]] = {}
     for probability, truth in looks:
         for predicate, score in look_scores(probability, truth).items():

@@ -1,11 +1,11 @@
-"""What the loop and a monitor say to each other: the values, and the protocol that every monitor keeps.
+"""The interface between the loop and a monitor: the values they exchange, and the protocol.
 
     memory = monitor.begin()
     memory, judgement = monitor.looked(memory, raw, cycle)          # once a look
     memory = monitor.acted(memory, step, result)                    # once an action, before the looks after it
 
-A monitor is frozen and holds what a run does not change (groups, error rates, thresholds). What a run does change is
-its `Memory`, a frozen value too: the same calls give the same answers, whoever else calls meanwhile.
+A monitor is frozen and holds what a run does not change (mutex groups, error rates, thresholds). What does change is
+its `Memory`, a frozen value too, so that the same calls always return the same values.
 """
 
 from __future__ import annotations
@@ -18,13 +18,18 @@ from typing import Any, Protocol, TypeAlias
 from executive.types import Atom, Belief, Contradiction, Facts, Overruled, Remembered, SkillResult, Step
 
 Memory: TypeAlias = Any
-"""What a monitor keeps of a run; each monitor has its own kind. To be handed back unread."""
+"""A monitor's belief state; each monitor has its own type. The loop hands it back unread."""
 
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """What is true at or above `high`, false below `low`, and unknown in between (see `Belief.truth`). Nothing is ever
-    true where `high` is above 1, nor false where `low` is 0."""
+    """A pair of thresholds: an atom is true at or above `high`, false below `low`, and unknown in between.
+
+    With `high` above 1 nothing is ever true, with `low` 0 nothing is ever false.
+
+    Raises:
+        ValueError: not 0 <= low <= high.
+    """
 
     low: float = 0.5
     high: float = 0.5
@@ -34,6 +39,7 @@ class Thresholds:
             raise ValueError(f"thresholds must satisfy 0 <= low <= high, got low {self.low}, high {self.high}")
 
     def truth(self, probability: float) -> bool | None:
+        """Return True, False, or None for unknown."""
         if probability >= self.high:
             return True
         return False if probability < self.low else None
@@ -41,22 +47,23 @@ class Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What is made of the looks since the last action, the last one included.
+    """The state estimate after the looks since the last action.
 
     Attributes:
-        belief: the fused probability of every atom that these looks tell, be it by an answer or because the others of
-            its group are told; the rest of the task's atoms are `unanswered`. Carries the last look's observation id.
-        seen: the truth of the atoms in `belief` at the thresholds of their predicates. Neither an effect that an action
-            should have had nor an older look ever stands in for an answer here.
-        probability: of every atom of the task, unseen ones included: what the action model and memory make of them.
-        state: every atom's truth in the most probable consistent state, to plan from. What is unseen has its last known
-            value, or is false where that is inconsistent with what is seen, or where it was never seen.
-        contradictions: clashes between the answers of the last look, which consistency resolved.
-        overruled: answers of the last look that are not believed.
-        remembered: atoms that these looks do not tell and earlier ones did.
-        came_about: the probability that the last action had all of its effects; None where there was no action, or no
-            memory.
-        at_word: every answer is taken at its word, as the paper does it; none of them can be too unsure to act upon.
+        belief: the posterior probability of every atom that these looks decide, by an answer or because the rest of its
+            mutex group is decided; the task's other atoms are `unanswered`. Has the newest look's observation id.
+        seen: the truth of the atoms in `belief` at their predicates' thresholds. Neither an action's expected effects
+            nor an older look ever replace an answer here.
+        probability: the posterior probability of every atom of the task; of unseen ones, from the action model and
+            earlier looks.
+        state: every atom's truth in the most probable consistent state, which is planned from. An unseen atom has its
+            last known value; it is false if that contradicts what is seen, or if it was never seen.
+        contradictions: answers of the newest look that cannot all be right, which consistency resolved.
+        overruled: answers of the newest look that the posterior does not follow.
+        remembered: atoms that these looks do not decide and earlier ones did.
+        came_about: the probability that the last action had all its effects; None without an action or without memory.
+        thresholded: whether every answer is thresholded on its own, as in the paper, so that none is too uncertain to
+            act upon.
     """
 
     belief: Belief
@@ -67,46 +74,46 @@ class Judgement:
     overruled: tuple[Overruled, ...] = ()
     remembered: Mapping[Atom, Remembered] = field(default_factory=lambda: MappingProxyType({}))
     came_about: float | None = None
-    at_word: bool = False
+    thresholded: bool = False
 
     def truth(self, atom: Atom) -> bool | None:
-        """True, False, or None for what the looks cannot tell."""
+        """Return True, False, or None for an atom that the looks do not decide."""
         return self.seen.get(atom)
 
     def age(self, atom: Atom) -> int | None:
-        """Cycles since the atom was last told: 0 for what is seen now, None for what never was."""
+        """Return the cycles since the atom was last seen: 0 if it is seen now, None if it never was."""
         if atom in self.seen:
             return 0
         return self.remembered[atom].age if atom in self.remembered else None
 
     def least_certain(self, atoms: Collection[Atom]) -> tuple[Atom, ...]:
-        """The atoms, the one that is nearest to even chances first (ties in sorted order)."""
+        """Return the atoms in the order of their probability's distance to 0.5 (ties in sorted order)."""
         return tuple(sorted(atoms, key=lambda atom: (abs(self.probability.get(atom, 0.5) - 0.5), atom)))
 
 
 class Monitor(Protocol):
-    """Turns raw looks into judgements. Deterministic; it never looks by itself."""
+    """Turns an estimator's raw answers into state estimates. Deterministic; it never looks by itself."""
 
     def begin(self) -> Memory:
-        """The memory of a run in which nothing was seen yet."""
+        """Return the memory of a run in which nothing was seen yet."""
         ...
 
     def acted(self, memory: Memory, step: Step | None, result: SkillResult | None = None) -> Memory:
-        """The robot did `step`, and its skill says `result`; or, without a step, time went by in which the world may
-        have changed. From here on looks are about another moment."""
+        """Return the memory after the robot did `step` and its skill reported `result` (the prediction of a Bayes
+        filter); without a step, after time in which the world may have changed. Later looks are at another moment."""
         ...
 
-    def otherwise(self, memory: Memory, atom: Atom) -> Facts | None:
-        """If `atom` is not what it is believed to be, what then? The most probable state with something else true in
-        its stead, from what was seen so far; None where nothing else is known that could be."""
+    def state_without(self, memory: Memory, atom: Atom) -> Facts | None:
+        """Return the most probable state in which `atom` is false and one of its mutex partners is true instead, given
+        all that was seen so far; None if it has no mutex partners that are known."""
         ...
 
-    def supposing(self, memory: Memory, atom: Atom) -> Facts | None:
-        """The most probable state in which `atom` is true, from what was seen so far; None where it cannot be told
-        what else would be otherwise then."""
+    def state_with(self, memory: Memory, atom: Atom) -> Facts | None:
+        """Return the most probable state in which `atom` is true, given all that was seen so far; None if the monitor
+        does not know which other atoms would change with it."""
         ...
 
     def looked(self, memory: Memory, raw: Belief, cycle: int) -> tuple[Memory, Judgement]:
-        """One more look at the moment since the last action. `raw` is what the estimator says, about all atoms or some
-        of them; what it leaves out or does not answer, this look does not tell."""
+        """Return the memory and the state estimate after one more look at the present moment (the update of a Bayes
+        filter). `raw` has the estimator's answers about all or some atoms; about the others this look says nothing."""
         ...

@@ -1,12 +1,12 @@
-"""Mutex groups, and exact inference under them: how probable each atom is, and which state is the most probable one.
+"""Mutex groups, and exact inference under them: each atom's marginal probability, and the most probable state.
 
-A group is a set of atoms of which at most one is true, or exactly one. Groups may overlap: what is gripped is in the
-group of the item's places and in the gripper's. Both questions are answered by the same pass over the groups, one
-after the other (dynamic programming along a frontier, a form of bucket elimination, Dechter 1999): each group picks one
-of its atoms or none, and all that later groups have to know is which of them an earlier pick has taken already. The
-work is linear in the number of groups where they are independent, or overlap like the gripper and the items. Where
-they overlap so much that more than `WIDEST` combinations would have to be kept, the most probable state is found by
-integer programming (HiGHS, which proves it), and probabilities rest on the heaviest combinations.
+A mutex group is a set of atoms of which at most one is true, or exactly one. Groups may overlap: the atom that an item
+is gripped is in the group of the item's places and in the gripper's. Both results come from one pass over the groups
+(dynamic programming along a frontier, a form of bucket elimination, Dechter 1999): each group picks one of its atoms or
+none, and the frontier has the later groups that earlier picks have already taken. The time is linear in the number of
+groups if they are independent, or overlap as those of the gripper and the items do. If they overlap so much that the
+frontier would have more than `MAX_FRONTIER` combinations, the most probable state is found by integer programming
+(HiGHS, which proves it optimal), and marginals are computed from the heaviest combinations.
 """
 
 from __future__ import annotations
@@ -18,36 +18,42 @@ from typing import NamedTuple, TypeAlias
 
 from executive.types import Atom
 
-WIDEST = 2048
-"""How many combinations of taken groups are kept at a time. Up to this many the answers are exact."""
+MAX_FRONTIER = 2048
+"""The most combinations of taken groups that are kept at a time. Up to this many, inference is exact."""
 
 _NONE = -1
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Atoms of which at most one is true; `exact`: and never none."""
+    """Atoms of which at most one is true; with `exact`, exactly one.
+
+    Raises:
+        ValueError: there is no atom, or one of them twice.
+    """
 
     atoms: tuple[Atom, ...]
     exact: bool = False
 
     def __post_init__(self) -> None:
         if len(set(self.atoms)) != len(self.atoms) or not self.atoms:
-            raise ValueError(f"a group has some atoms, each once, got {', '.join(map(str, self.atoms)) or 'none'}")
+            raise ValueError(
+                f"a mutex group needs one or more different atoms, got {', '.join(map(str, self.atoms)) or 'none'}"
+            )
         object.__setattr__(self, "atoms", tuple(sorted(self.atoms)))
 
     def violated(self, true: Collection[Atom]) -> bool:
-        """Whether it cannot be that of its atoms just those in `true` are true."""
+        """Whether the group forbids that, of its atoms, exactly those in `true` are true."""
         held = sum(atom in true for atom in self.atoms)
         return held > 1 or (self.exact and held == 0)
 
 
-class Answer(NamedTuple):
-    """What follows from weights: the logarithm of the sum of all consistent states' weights, each atom's probability of
-    being true, the atoms that are true in the heaviest state, and the logarithm of that state's weight.
+class Solution(NamedTuple):
+    """The result of inference: the logarithm of the sum of all consistent states' weights, each atom's marginal, the
+    true atoms of the heaviest state, and the logarithm of that state's weight.
 
-    `approximate`: the sum and the probabilities leave out light states, because groups overlap too much. The heaviest
-    state is the heaviest of all even then.
+    With `approximate`, the sum and the marginals leave out light states, because groups overlap too much. The heaviest
+    state is exact even then.
     """
 
     log_total: float
@@ -58,14 +64,14 @@ class Answer(NamedTuple):
 
 
 class _Pick(NamedTuple):
-    """A group's choice of an atom (or of none), and the later groups that this takes, as bits."""
+    """A group's choice of an atom (or of none), and the later groups that this takes, as a bit mask."""
 
     atom: int
     takes: int
 
 
 class _Edge(NamedTuple):
-    """One group's pick: from one combination of taken groups to the next."""
+    """A transition of the frontier by one group's pick: from one combination of taken groups to the next."""
 
     before: int
     atom: int
@@ -74,7 +80,7 @@ class _Edge(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MutexNetwork:
-    """Atoms and the groups among them. An atom that is in no group is independent of all others.
+    """The atoms of a task and their mutex groups. An atom that is in no group is independent of all others.
 
     Raises:
         ValueError: a group has an atom that is not among `atoms`, or no state is consistent with all groups.
@@ -82,21 +88,21 @@ class MutexNetwork:
 
     atoms: tuple[Atom, ...]
     groups: tuple[Group, ...] = ()
-    around: Mapping[Atom, tuple[Group, ...]] = field(init=False, repr=False)
+    groups_of: Mapping[Atom, tuple[Group, ...]] = field(init=False, repr=False)
     """The groups that each atom is in."""
-    _turns: tuple[tuple[_Pick, ...], ...] = field(init=False, repr=False)
-    _loose: tuple[int, ...] = field(init=False, repr=False)
+    _picks_of: tuple[tuple[_Pick, ...], ...] = field(init=False, repr=False)
+    _ungrouped: tuple[int, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "atoms", tuple(sorted(set(self.atoms))))
         position = {atom: index for index, atom in enumerate(self.atoms)}
-        around: dict[Atom, tuple[Group, ...]] = dict.fromkeys(self.atoms, ())
+        groups_of: dict[Atom, tuple[Group, ...]] = dict.fromkeys(self.atoms, ())
         for group in self.groups:
             for atom in group.atoms:
                 if atom not in position:
                     raise ValueError(f"a mutex group names {atom}, which is not among the atoms")
-                around[atom] += (group,)
-        object.__setattr__(self, "around", around)
+                groups_of[atom] += (group,)
+        object.__setattr__(self, "groups_of", groups_of)
         members = [frozenset(position[atom] for atom in group.atoms) for group in self.groups]
         turns, seen = [], set[int]()
         order = _order(members)
@@ -107,18 +113,18 @@ class MutexNetwork:
                 picks.append(_Pick(index, sum(1 << bit for bit in later)))
             seen |= members[number]
             turns.append(tuple(picks))
-        object.__setattr__(self, "_turns", tuple(turns))
-        object.__setattr__(self, "_loose", tuple(index for index in range(len(self.atoms)) if index not in seen))
+        object.__setattr__(self, "_picks_of", tuple(turns))
+        object.__setattr__(self, "_ungrouped", tuple(index for index in range(len(self.atoms)) if index not in seen))
         self.solve({})
 
     def violated(self, true: Collection[Atom]) -> tuple[Group, ...]:
-        """The groups that do not allow that exactly these atoms are true."""
+        """Return the groups that forbid that exactly these atoms are true."""
         return tuple(group for group in self.groups if group.violated(true))
 
-    def solve(self, weights: Mapping[Atom, float], widest: int = WIDEST) -> Answer:
-        """The answers for a distribution over the consistent states in which each state's probability is proportional
-        to the product of exp(weight) over its true atoms: without groups, `weights` are log-odds. An atom without one
-        weighs 0. Of equally heavy states the best is the one that a fixed order comes to first.
+    def solve(self, weights: Mapping[Atom, float], max_frontier: int = MAX_FRONTIER) -> Solution:
+        """Infer marginals and the most probable state of the distribution over consistent states in which a state's
+        probability is proportional to the product of exp(weight) over its true atoms: without groups, `weights` are
+        log-odds. An atom without a weight has 0. Ties between states are broken by a fixed order.
 
         Raises:
             ValueError: a weight is not finite, or no state is consistent with all groups.
@@ -127,19 +133,19 @@ class MutexNetwork:
         if not all(map(math.isfinite, weight)):
             raise ValueError("weights have to be finite")
         best: frozenset[int] | None = None
-        if (swept := self._sweep(weight, widest)) is None:
+        if (swept := self._sweep(weight, max_frontier)) is None:
             best = self._heaviest(weight)
-            swept = self._sweep(weight, widest, self._path(best))
+            swept = self._sweep(weight, max_frontier, self._path(best))
             assert swept is not None
         sums, edges = swept
         log_total, marginal = sums[-1][0], self._marginals(weight, sums, edges)
         true = set(self._traced(weight, edges) if best is None else best)
-        for atom in self._loose:
+        for atom in self._ungrouped:
             marginal[atom] = _sigmoid(weight[atom])
             log_total += max(weight[atom], 0.0) + math.log1p(math.exp(-abs(weight[atom])))
             if weight[atom] > 0:
                 true.add(atom)
-        return Answer(
+        return Solution(
             log_total,
             dict(zip(self.atoms, marginal, strict=True)),
             frozenset(self.atoms[atom] for atom in true),
@@ -148,19 +154,19 @@ class MutexNetwork:
         )
 
     def _picks(self, turn: int, taken: int) -> Iterator[_Pick]:
-        """What a group can pick when the groups in `taken` are."""
+        """Yield the picks that a group has when the groups in `taken` are taken."""
         if taken >> turn & 1:
             yield _Pick(_NONE, 0)
         else:
-            yield from (pick for pick in self._turns[turn] if not pick.takes & taken)
+            yield from (pick for pick in self._picks_of[turn] if not pick.takes & taken)
 
-    def _sweep(self, weight: Sequence[float], widest: int, path: Sequence[int] = ()) -> _Swept | None:
-        """For each turn the summed weight (its logarithm) with which each combination of taken groups is arrived at,
-        and the picks that lead there. Where there are more than `widest` combinations, only the heaviest and the one on
-        the `path`; without a path, None."""
+    def _sweep(self, weight: Sequence[float], max_frontier: int, path: Sequence[int] = ()) -> _Swept | None:
+        """Return, for each turn, the logarithm of the summed weight of each combination of taken groups, and the
+        transitions that lead there. Of more than `max_frontier` combinations only the heaviest and the one on the
+        `path` are kept; without a path, the result is None."""
         sums: list[dict[int, float]] = [{0: 0.0}]
         edges: list[list[_Edge]] = []
-        for turn in range(len(self._turns)):
+        for turn in range(len(self._picks_of)):
             arriving: dict[int, list[float]] = {}
             here = []
             for taken, total in sums[-1].items():
@@ -171,10 +177,10 @@ class MutexNetwork:
             there = {after: _log_sum(totals) for after, totals in arriving.items()}
             if not there:
                 raise ValueError("no state is consistent with all mutex groups")
-            if len(there) > widest:
+            if len(there) > max_frontier:
                 if not path:
                     return None
-                heaviest = {path[turn], *sorted(there, key=lambda after: -there[after])[:widest]}
+                heaviest = {path[turn], *sorted(there, key=lambda after: -there[after])[:max_frontier]}
                 there = {after: total for after, total in there.items() if after in heaviest}
                 here = [edge for edge in here if edge.after in heaviest]
             sums.append(there)
@@ -184,7 +190,7 @@ class MutexNetwork:
     def _marginals(
         self, weight: Sequence[float], sums: Sequence[Mapping[int, float]], edges: Sequence[Sequence[_Edge]]
     ) -> list[float]:
-        """The share of each atom's states in the summed weight: the sweep once more, backwards."""
+        """Return each atom's marginal, by the backward pass over the transitions."""
         share = [0.0] * len(weight)
         total = sums[-1][0]
         rest = {0: 0.0}
@@ -200,7 +206,7 @@ class MutexNetwork:
         return [min(1.0, value) for value in share]
 
     def _traced(self, weight: Sequence[float], edges: Sequence[Sequence[_Edge]]) -> Iterator[int]:
-        """The picks of the heaviest state."""
+        """Yield the picks of the heaviest state."""
         best: dict[int, float] = {0: 0.0}
         came: list[dict[int, _Edge]] = []
         for here in edges:
@@ -220,9 +226,9 @@ class MutexNetwork:
                 yield edge.atom
 
     def _path(self, true: Collection[int]) -> list[int]:
-        """The combinations of taken groups on the way to a state."""
+        """Return the combinations of taken groups along the picks of a state."""
         path, taken = [], 0
-        for turn in range(len(self._turns)):
+        for turn in range(len(self._picks_of)):
             picks = {pick.atom: pick for pick in self._picks(turn, taken)}
             pick = next((picks[atom] for atom in picks if atom in true), picks.get(_NONE))
             assert pick is not None  # the state is consistent
@@ -231,7 +237,7 @@ class MutexNetwork:
         return path
 
     def _heaviest(self, weight: Sequence[float]) -> frozenset[int]:
-        """The heaviest state's atoms, by integer programming; loose ones left out.
+        """Find the heaviest state's atoms by integer programming, those in no group left out.
 
         Raises:
             ValueError: no state is consistent with all groups.
@@ -247,7 +253,7 @@ class MutexNetwork:
                 rows[row, position[atom]] = 1.0
         least = np.array([float(group.exact) for group in self.groups])
         grouped = np.ones(len(weight))
-        grouped[list(self._loose)] = 0.0
+        grouped[list(self._ungrouped)] = 0.0
         result = milp(
             -np.array(weight) * grouped,
             integrality=np.ones(len(weight)),
@@ -264,19 +270,21 @@ _Swept: TypeAlias = tuple[list[dict[int, float]], list[list[_Edge]]]
 
 
 def _order(members: Sequence[frozenset[int]]) -> list[int]:
-    """An order of the groups in which, at any time, few groups that are still to come share an atom with those before:
-    greedily, the group after which they are fewest."""
+    """Return an elimination order of the groups that keeps the frontier small: greedily, next comes the group after
+    which the fewest remaining groups share an atom with those before."""
     neighbours = [
         frozenset(other for other, atoms in enumerate(members) if other != number and atoms & own)
         for number, own in enumerate(members)
     ]
     order: list[int] = []
-    left, open_ = set(range(len(members))), set[int]()
+    left, frontier = set(range(len(members))), set[int]()
     while left:
-        chosen = min(sorted(open_ or left), key=lambda number: len((open_ | neighbours[number]) & left - {number}))
+        chosen = min(
+            sorted(frontier or left), key=lambda number: len((frontier | neighbours[number]) & left - {number})
+        )
         order.append(chosen)
         left.discard(chosen)
-        open_ = (open_ | neighbours[chosen]) & left
+        frontier = (frontier | neighbours[chosen]) & left
     return order
 
 

@@ -1,9 +1,10 @@
-"""What an eye's answers are worth: from a probability that an eye gives to evidence that can be added up.
+"""The sensor model: how an estimator's answers become evidence that can be added up.
 
-An answer is worth the logarithm of how much more often it is given of true atoms than of false ones. That is read off
-the probability: its log-odds, times a slope and plus a bias that take out how the eye exaggerates and how often atoms
-of the predicate were true where it was measured. And it is never worth more than a plain yes or no has been: one that
-is wrong once in twenty times counts for nineteen to one, however sure the eye says it is.
+An answer's evidence is the logarithm of its likelihood ratio: how much more often it is given of true atoms than of
+false ones. It is computed from the answer's probability: its log-odds, times a slope and plus a bias, which correct for
+overconfidence and for the share of true atoms in the data that the model was fitted on. It is bounded by the likelihood
+ratio of a plain yes or no: if those are wrong once in twenty times, no answer counts for more than nineteen to one,
+whatever its probability.
 """
 
 from __future__ import annotations
@@ -16,20 +17,23 @@ from typing import NamedTuple
 
 from executive.types import Atom
 
-HARDLY = math.log(2.0)
-"""An answer that is worth less than two to one is none: memory alone never tells an atom."""
+LEAST_EVIDENCE = math.log(2.0)
+"""An answer whose likelihood ratio is below two to one counts as no answer: memory alone never decides an atom."""
 
 _EDGE = 1e-9
-"""Probabilities nearer to 0 or 1 are taken to be this near."""
+"""Probabilities are clipped to [_EDGE, 1 - _EDGE]."""
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorModel:
-    """How the answers about one predicate's atoms are to be read.
+    """The error rates and the calibration of the answers about one predicate's atoms (or about one atom).
 
-    `false_alarms` is the share of false atoms that are answered with yes (a probability of 0.5 and more), `misses` that
-    of true atoms that are answered with no. Evidence is slope * log-odds + bias, held between what a no and what a yes
-    is worth by these rates.
+    `false_alarms` is the false positive rate: the share of false atoms whose answer is 0.5 or more. `misses` is the
+    false negative rate. Evidence is slope * log-odds + bias, clipped to the log-likelihood ratios of a plain no and of
+    a plain yes at these rates.
+
+    Raises:
+        ValueError: a rate is not in (0, 1), the rates add up to 1 or more, or the slope is negative.
     """
 
     false_alarms: float = 0.05
@@ -43,77 +47,91 @@ class ErrorModel:
         if self.false_alarms + self.misses >= 1.0:
             raise ValueError(f"rates of {self.false_alarms} and {self.misses} would make a yes speak for no")
         if not (math.isfinite(self.slope) and self.slope >= 0.0 and math.isfinite(self.bias)):
-            raise ValueError(f"slope {self.slope!r} and bias {self.bias!r} turn answers around")
+            raise ValueError(f"slope {self.slope!r} and bias {self.bias!r} would reverse the answers' meaning")
 
     def evidence(self, probability: float) -> float:
-        """The logarithm of the answer's likelihood ratio, true against false."""
-        kept = min(1.0 - _EDGE, max(_EDGE, probability))
-        worth = self.slope * math.log(kept / (1.0 - kept)) + self.bias
-        least = math.log(self.misses / (1.0 - self.false_alarms))
-        return min(math.log((1.0 - self.misses) / self.false_alarms), max(least, worth))
+        """Return the answer's log-likelihood ratio, true against false."""
+        clipped = min(1.0 - _EDGE, max(_EDGE, probability))
+        calibrated = self.slope * math.log(clipped / (1.0 - clipped)) + self.bias
+        lower = math.log(self.misses / (1.0 - self.false_alarms))
+        return min(math.log((1.0 - self.misses) / self.false_alarms), max(lower, calibrated))
 
 
 class PastEvidence(NamedTuple):
-    """What looks at earlier moments said of an atom that nothing has touched since (log-odds, the first with all that
-    was believed then), and what is believed of it now."""
+    """The evidence of earlier moments about an atom that no action has affected since.
 
-    said: tuple[float, ...]
+    `evidence` are log-likelihood ratios, one a moment; the first stands for all that was believed then. `believed` is
+    the atom's present log-odds.
+    """
+
+    evidence: tuple[float, ...]
     believed: float
 
-    def heeds(self, evidence: float) -> bool:
-        """Whether a look says the same again, more or less surely."""
-        return evidence * self.believed > 0.0 and abs(evidence) >= HARDLY
+    def agrees_with(self, evidence: float) -> bool:
+        """Whether new evidence points the same way as the belief, and is not too weak to count."""
+        return evidence * self.believed > 0.0 and abs(evidence) >= LEAST_EVIDENCE
 
     def with_look(self, evidence: float, believed: float) -> PastEvidence:
-        """With one look more, after which it was `believed`. One that says otherwise is where it all begins anew."""
-        if self.heeds(evidence):
-            return PastEvidence((*self.said, evidence), believed)
-        return PastEvidence((believed,) if abs(evidence) >= HARDLY else self.said, believed)
+        """Return the evidence with one more moment's, after which the log-odds are `believed`. Evidence that disagrees
+        starts a new sequence."""
+        if self.agrees_with(evidence):
+            return PastEvidence((*self.evidence, evidence), believed)
+        return PastEvidence((believed,) if abs(evidence) >= LEAST_EVIDENCE else self.evidence, believed)
 
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
-    """The readings of one eye, by predicate, and `other` for those that were not measured. `atoms` are those of single
-    atoms, which go before: an eye may see all items on a table but one, and its no to that one is worth nothing.
+    """The error models of one estimator, and how much the errors of repeated looks are correlated.
 
-    `alike` says how much two looks at the same moment err together: 0 where every look errs on its own, 1 where looking
-    again shows the same mistakes again. `lasting` says it of looks at different moments, at what no action has touched
-    in between: to a model that takes a can on the edge for one on the table, it looks like that all day.
+    Attributes:
+        error_models: by predicate.
+        other: the error model of predicates that were not measured.
+        correlation_within: how much the errors of several looks at the same moment are correlated, from 0 (each look
+            errs independently) to 1 (a second look repeats the mistakes of the first).
+        correlation_across: the same for looks at different moments, about atoms that no action has affected in between.
+            A model that takes a can on the edge for one on the table does so in every look.
+        atoms: error models of single atoms, which precede those of their predicates: an estimator may be right about
+            all items on a table but one.
+
+    Raises:
+        ValueError: a correlation is not in [0, 1].
     """
 
     error_models: Mapping[str, ErrorModel] = field(default_factory=lambda: MappingProxyType({}))
     other: ErrorModel = field(default_factory=ErrorModel)
-    alike: float = 0.2
-    lasting: float = 0.0
+    correlation_within: float = 0.2
+    correlation_across: float = 0.0
     atoms: Mapping[Atom, ErrorModel] = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
-        for name in ("alike", "lasting"):
+        for name in ("correlation_within", "correlation_across"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name}: a share from 0 to 1 is expected, got {getattr(self, name)}")
 
     def evidence(self, atom: Atom, probability: float) -> float:
-        reading = self.atoms.get(atom) or self.error_models.get(atom.predicate, self.other)
-        return reading.evidence(probability)
+        """Return the log-likelihood ratio of an answer about `atom`."""
+        model = self.atoms.get(atom) or self.error_models.get(atom.predicate, self.other)
+        return model.evidence(probability)
 
-    def together(self, evidence: Sequence[float]) -> float:
-        """What several looks at one moment say of an atom. n of them that err together count for n / (1 + (n - 1) a)
-        that err on their own, where a is `alike` (the design effect of cluster samples, Kish 1965)."""
+    def pooled(self, evidence: Sequence[float]) -> float:
+        """Return the evidence of several looks at one moment together. n looks whose errors have the correlation a
+        count for n / (1 + (n - 1) a) independent ones (the design effect of cluster samples, Kish 1965); a is
+        `correlation_within`."""
         count = len(evidence)
-        return math.fsum(evidence) / (1.0 + (count - 1) * self.alike)
+        return math.fsum(evidence) / (1.0 + (count - 1) * self.correlation_within)
 
-    def anew(self, evidence: float, earlier: PastEvidence) -> float:
-        """What a look adds to what is believed of an atom that nothing has touched since earlier looks told of it.
+    def increment(self, evidence: float, earlier: PastEvidence) -> float:
+        """Return what a look adds to the log-odds of an atom that no action has affected since `earlier` looks.
 
-        What speaks against them counts in full, and so does what says next to nothing. What agrees is one more of them:
-        what is believed then is what all of them together are worth, as in `together` with `lasting` for a, so that
-        neither many that lean the same way nor a single one that is sure make it certain.
+        Evidence that disagrees with the belief counts in full, and so does evidence too weak to count. Evidence that
+        agrees is pooled with the earlier ones, as in `pooled` with `correlation_across` for a, so that neither many
+        weak looks nor a single confident one make the atom certain.
         """
-        if not self.lasting or not earlier.heeds(evidence):
+        if not self.correlation_across or not earlier.agrees_with(evidence):
             return evidence
-        said = (*earlier.said, evidence)
-        return math.fsum(said) / (1.0 + (len(said) - 1) * self.lasting) - earlier.believed
+        every = (*earlier.evidence, evidence)
+        return math.fsum(every) / (1.0 + (len(every) - 1) * self.correlation_across) - earlier.believed
 
 
-EXACT = SensorModel(other=ErrorModel(1e-6, 1e-6), alike=0.0)
-"""An eye that is taken to be always right."""
+EXACT = SensorModel(other=ErrorModel(1e-6, 1e-6), correlation_within=0.0)
+"""The sensor model of an estimator that is practically never wrong, such as the oracle."""

@@ -1,4 +1,4 @@
-"""The monitor of the paper: each look alone, each atom alone, against a threshold."""
+"""The paper's monitor: every answer is thresholded on its own, without consistency or memory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from executive.types import Atom, Belief, Facts, SkillResult, Step
 
 @dataclass(frozen=True, slots=True)
 class Thresholded:
-    """What was known before the looks at this moment, and what they answer, the last one first."""
+    """The memory: last known values before and with the looks at this moment, and the newest answer about each atom."""
 
     before: LastKnown = field(default_factory=LastKnown)
     now: LastKnown = field(default_factory=LastKnown)
@@ -22,7 +22,7 @@ class Thresholded:
 
 @dataclass(frozen=True, slots=True)
 class ThresholdMonitor:
-    """Takes every answer at its word; of several looks at one moment, the last that answered.
+    """Thresholds every answer; of several looks at one moment, the newest answer about an atom counts.
 
     Args:
         atoms: the task's.
@@ -38,10 +38,10 @@ class ThresholdMonitor:
     def acted(self, memory: Thresholded, step: Step | None, result: SkillResult | None = None) -> Thresholded:
         return Thresholded(memory.now, memory.now)
 
-    def otherwise(self, memory: Thresholded, atom: Atom) -> Facts | None:
+    def state_without(self, memory: Thresholded, atom: Atom) -> Facts | None:
         return None
 
-    def supposing(self, memory: Thresholded, atom: Atom) -> Facts | None:
+    def state_with(self, memory: Thresholded, atom: Atom) -> Facts | None:
         return None
 
     def looked(self, memory: Thresholded, raw: Belief, cycle: int) -> tuple[Thresholded, Judgement]:
@@ -57,6 +57,6 @@ class ThresholdMonitor:
             probability=MappingProxyType(probability),
             state=Facts.closed(now.facts.true, self.atoms),
             remembered=now.remembered(seen, cycle, probability),
-            at_word=True,
+            thresholded=True,
         )
         return Thresholded(memory.before, now, MappingProxyType(answers)), judgement

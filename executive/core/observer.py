@@ -91,11 +91,11 @@ class Observer:
 
     def otherwise(self, run_state: RunState, atom: Atom) -> Facts | None:
         """What is most probable if an atom is not what it is believed to be."""
-        return self._monitor.otherwise(run_state.memory, atom)
+        return self._monitor.state_without(run_state.memory, atom)
 
     def supposing(self, run_state: RunState, atom: Atom) -> Facts | None:
         """What is most probable if an atom is true."""
-        return self._monitor.supposing(run_state.memory, atom)
+        return self._monitor.state_with(run_state.memory, atom)
 
     def waited(self, run_state: RunState) -> RunState:
         """Time went by in which the world may have changed."""

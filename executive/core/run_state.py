@@ -178,7 +178,7 @@ class RunState:
 
     def claimable(self, claim: float) -> Facts:
         """What is seen, without those literals of the goal that hold with a probability of less than `claim`."""
-        if self.judgement is None or self.judgement.at_word:
+        if self.judgement is None or self.judgement.thresholded:
             return self.seen
         doubtful = self.unsure(self.goal, claim)
         return self.seen.without([atom for atom in doubtful if self.seen.get(atom) is self.goal[atom]])

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, whenever the process that writes them is killed."""
+"""Atomic writes: a file has its old content or its new content, whenever the writing process is killed."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import os
 from pathlib import Path
 
 
-def write_whole(file: Path, data: bytes, lasting: bool = True) -> Path:
-    """Put `data` into a file. Until all of it is written, the file is what it was before.
+def write_atomic(file: Path, data: bytes, durable: bool = True) -> Path:
+    """Write `data` to a temporary file beside `file` and rename it to `file`.
 
     Args:
-        lasting: it also survives a power cut.
+        durable: whether the data is synced to disk first, so that it also survives a power cut.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     draft = file.with_name(f".{file.name}.{os.getpid()}")
     try:
         with draft.open("wb") as opened:
             opened.write(data)
-            if lasting:
+            if durable:
                 opened.flush()
                 os.fsync(opened.fileno())
         draft.replace(file)

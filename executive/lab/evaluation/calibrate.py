@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.app.sensor_fit import Trust, fit, save
+from executive.app.sensor_fit import SensorFit, fit, save
 from executive.belief.conformal import Conformal
 from executive.belief.mutex_inference import MutexNetwork
 from executive.domain.loader import load_domain
@@ -23,7 +23,7 @@ ALPHAS = (0.2, 0.1, 0.05, 0.01)
 """The error rates that the summary shows."""
 
 
-def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | None = None) -> tuple[Path, Trust]:
+def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | None = None) -> tuple[Path, SensorFit]:
     """Learn from the looks of some evaluations of one eye, write what was learned into `out` (a model's folder, or a
     file for the trust alone), and say where the trust is.
 
@@ -74,14 +74,14 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
     return save(out, loaded.name, trust), trust
 
 
-def summary(trust: Trust) -> str:
+def summary(trust: SensorFit) -> str:
     """What was learned, as a table: how often answers are wrong, and between which probabilities nothing is told at an
     error rate."""
     head = f"{'predicate':<24}{'misses':>8}{'false alarms':>14}" + "".join(f"{f'alpha {a:g}':>16}" for a in ALPHAS)
     rows = [
         f"{name:<24}{reading.misses:>8.3f}{reading.false_alarms:>14.3f}"
         + "".join(f"{_band(trust.conformal, name, alpha):>16}" for alpha in ALPHAS)
-        for name, reading in trust.eye.error_models.items()
+        for name, reading in trust.sensor_model.error_models.items()
     ]
     return "\n".join(
         [f"learned from {trust.looks} looks; unknown is what lies between, at each error rate", head, *rows]

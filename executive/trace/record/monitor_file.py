@@ -12,6 +12,7 @@ from executive.belief import (
     ActionModel,
     BayesMonitor,
     Chances,
+    ErrorModel,
     Group,
     Monitor,
     MutexNetwork,
@@ -22,7 +23,7 @@ from executive.belief import (
 from executive.errors import InputError, nearest
 from executive.trace.record.codec import decode, encode
 from executive.types import Atom, SkillStatus
-from executive.util.atomic_write import write_whole
+from executive.util.atomic_write import write_atomic
 from executive.util.files import read_json
 
 FILE = "monitor.json"
@@ -44,12 +45,23 @@ class _Carried:
 
 
 @dataclass(frozen=True, slots=True)
+class _SensorModel:
+    """A `SensorModel` under the file's own keys."""
+
+    readings: Mapping[str, ErrorModel] = field(default_factory=dict)
+    other: ErrorModel = field(default_factory=ErrorModel)
+    alike: float = 0.2
+    lasting: float = 0.0
+    atoms: Mapping[Atom, ErrorModel] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class _Fused:
     groups: tuple[Group, ...]
-    eye: SensorModel
+    eye: _SensorModel
     thresholds: Mapping[str, Thresholds]
-    process_noise: float | None
-    """None: nothing is remembered."""
+    unrest: float | None
+    """The action model's process noise; None for a monitor without memory."""
     counts: Mapping[str, Mapping[str, tuple[float, ...]]]
     """By action and by what its skill reports."""
     carried: Mapping[str, _Carried] = field(default_factory=dict)
@@ -68,7 +80,7 @@ def save(run: Path | str, monitor: Monitor) -> Path | None:
         case _:
             return None
     text = json.dumps({"format": _FORMAT, "kind": kind, **kept}, indent=1) + "\n"
-    return write_whole(Path(run) / FILE, text.encode())
+    return write_atomic(Path(run) / FILE, text.encode())
 
 
 def load(run: Path | str, atoms: Sequence[Atom]) -> Monitor:
@@ -109,20 +121,26 @@ def _fused(monitor: BayesMonitor) -> _Fused:
     counts: dict[str, dict[str, tuple[float, ...]]] = {}
     for (action, status), each in (monitor.actions.counts if monitor.actions else {}).items():
         counts.setdefault(action, {})[status.value] = tuple(each)
-    process_noise = None if monitor.actions is None else monitor.actions.process_noise
+    unrest = None if monitor.actions is None else monitor.actions.process_noise
+    sensor = monitor.sensor_model
+    eye = _SensorModel(
+        sensor.error_models, sensor.other, sensor.correlation_within, sensor.correlation_across, sensor.atoms
+    )
     carried = {action: _Carried(*said) for action, said in monitor.carried.items()}
-    return _Fused(monitor.network.groups, monitor.eye, monitor.thresholds, process_noise, counts, carried)
+    return _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried)
 
 
 def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
     actions = None
-    if kept.process_noise is not None:
+    if kept.unrest is not None:
         counts = {}
         for action, statuses in kept.counts.items():
             for status, numbers in statuses.items():
                 if len(numbers) != len(Chances._fields):
                     raise ValueError(f"counts: {action}: {status}: expected three numbers")
                 counts[action, SkillStatus(status)] = Chances(*numbers)
-        actions = ActionModel(counts, kept.process_noise)
+        actions = ActionModel(counts, kept.unrest)
     carried = {action: (said.predicate, said.positions) for action, said in kept.carried.items()}
-    return BayesMonitor(MutexNetwork(tuple(atoms), kept.groups), kept.eye, actions, kept.thresholds, carried)
+    eye = kept.eye
+    sensor = SensorModel(eye.readings, eye.other, eye.alike, eye.lasting, eye.atoms)
+    return BayesMonitor(MutexNetwork(tuple(atoms), kept.groups), sensor, actions, kept.thresholds, carried)

@@ -13,7 +13,7 @@ from pathlib import Path
 from executive.errors import InputError
 from executive.protocols import World
 from executive.types import Dispatched, Event, FaultInjected, Moved, Resumed, SkillResult, Started
-from executive.util.atomic_write import write_whole
+from executive.util.atomic_write import write_atomic
 
 FOLDER = "snapshots"
 SUFFIX = ".world"
@@ -48,7 +48,7 @@ class Snapshots:
             file = self._folder / f"{event.cycle:04d}{SUFFIX}"
             try:
                 # A kill takes nothing from what the system was given; a power cut may cost the latest one.
-                write_whole(file, self._world.snapshot(), lasting=False)
+                write_atomic(file, self._world.snapshot(), durable=False)
             except OSError as error:
                 if self._failed is not None:
                     self._failed(f"the world's state cannot be written: {error.strerror or error}")

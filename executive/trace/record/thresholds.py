@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from executive.belief import BayesMonitor, Monitor, ThresholdMonitor, Thresholds
-from executive.belief.bayes_filter import BAND
+from executive.belief.bayes_filter import DEFAULT_THRESHOLDS
 from executive.errors import InputError
 from executive.trace.record import monitor_file
 from executive.types import Task
@@ -19,7 +19,7 @@ def thresholds(monitor: Monitor | None) -> Mapping[str, Thresholds]:
         case ThresholdMonitor(thresholds=each):
             return {"": each}
         case BayesMonitor(thresholds=named):
-            return {"": BAND, **named}
+            return {"": DEFAULT_THRESHOLDS, **named}
     return {}
 
 

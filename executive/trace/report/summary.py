@@ -24,7 +24,7 @@ from executive.types import (
     Started,
     Timing,
 )
-from executive.util.atomic_write import write_whole
+from executive.util.atomic_write import write_atomic
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -202,7 +202,7 @@ def summarise(events: Iterable[Event], goal_true: bool | None = None) -> Summary
 
 def write_summary(run: Path | str, summary: Summary) -> Path:
     """Put `summary.json` into the run's folder: the whole file or, if that fails, none of it."""
-    return write_whole(Path(run) / SUMMARY_FILE, (json.dumps(summary, indent=2) + "\n").encode())
+    return write_atomic(Path(run) / SUMMARY_FILE, (json.dumps(summary, indent=2) + "\n").encode())
 
 
 def print_summary(summary: Summary, run: Path | str, stream: TextIO) -> None:

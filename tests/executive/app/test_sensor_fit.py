@@ -70,7 +70,7 @@ def exaggerating(count: int, seed: int, factor: float) -> Looks:
 def test_rates_of_plain_answers_are_found_again() -> None:
     trust = fit(flipping(1600, 1, misses=0.15, false_alarms=0.03), NETWORK)
     assert trust.looks == 1600
-    reading = trust.eye.error_models["at"]
+    reading = trust.sensor_model.error_models["at"]
     assert reading.misses == pytest.approx(0.15, abs=0.03)
     assert reading.false_alarms == pytest.approx(0.03, abs=0.01)
     assert reading.evidence(1.0) == pytest.approx(math.log(0.85 / 0.03), abs=0.3)
@@ -79,7 +79,7 @@ def test_rates_of_plain_answers_are_found_again() -> None:
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
 def test_exaggeration_is_taken_out_and_so_is_how_often_atoms_were_true(factor: float) -> None:
-    reading = fit(exaggerating(1600, 2, factor), NETWORK).eye.error_models["at"]
+    reading = fit(exaggerating(1600, 2, factor), NETWORK).sensor_model.error_models["at"]
     for odds in (-0.8, -0.3, 0.3, 0.8):  # of truth against falsehood: four times the answer's distance from the middle
         answer = 1 / (1 + math.exp(-factor * 2.0 * odds))
         assert reading.evidence(answer) == pytest.approx(2.0 * odds, abs=0.25)
@@ -87,7 +87,7 @@ def test_exaggeration_is_taken_out_and_so_is_how_often_atoms_were_true(factor: f
 
 def test_thresholds_cover_looks_as_a_run_judges_them() -> None:
     trust = fit(exaggerating(1000, 3, 1.0), NETWORK)
-    monitor = BayesMonitor(NETWORK, trust.eye, actions=None)
+    monitor = BayesMonitor(NETWORK, trust.sensor_model, actions=None)
     judged = [
         (monitor.looked(monitor.begin(), Belief(0, said), 0)[1].belief.probability, facts)
         for said, facts in exaggerating(1000, 4, 1.0)
@@ -100,7 +100,7 @@ def test_thresholds_cover_looks_as_a_run_judges_them() -> None:
 def test_an_eye_that_says_nothing_is_worth_nothing() -> None:
     of_free = [(said, {FREE: True}) for said, facts in flipping(60, 5, 0.5, 0.5) if facts[FREE]]
     for looks in (flipping(400, 5, 0.5, 0.5), flipping(400, 6, 0.9, 0.9), of_free):
-        for reading in fit(looks, NETWORK).eye.error_models.values():
+        for reading in fit(looks, NETWORK).sensor_model.error_models.values():
             assert abs(reading.evidence(1.0)) < 0.4
             assert abs(reading.evidence(0.0)) < 0.4
 
@@ -117,7 +117,7 @@ def test_a_file_keeps_what_was_learned_domain_by_domain(tmp_path: Path) -> None:
     save(tmp_path, "grocery", other)
     for domain, saved in (("grocery", other), ("tray", other)):
         again = load(tmp_path, domain)
-        assert again.eye == saved.eye
+        assert again.sensor_model == saved.sensor_model
         assert again.looks == 60
         for name, scores in saved.conformal.scores.items():
             assert again.conformal.scores[name] == pytest.approx(scores, abs=1e-8)
@@ -141,27 +141,28 @@ GOOD = {
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "key"),
     [
-        ('"format": 1', '"format": 2', "format: expected 1, got 2"),
-        ('"looks": 2', '"looks": "two"', r"domains\.d\.looks: is not what Executive wrote"),
-        ('"misses": 0.1', '"misses": 1.5', r"domains\.d\.predicates\.on: rates between 0 and 1"),
-        ('"misses": 0.2', '"misses": 1.5', r"domains\.d\.atoms\.on\(a\): rates between 0 and 1"),
-        ('"on(a)"', '"on(a"', r"domains\.d\.atoms\.on\(a: 'on\(a' is not an atom"),
-        ('"alike": 0.2', '"alike": 2', r"domains\.d: alike: a share from 0 to 1"),
-        ('"scores": [0.1]', '"scores": [7.0]', r"predicates\.on: on: scores are from 0 to 1"),
-        ('"format"', '"fromat"', "is not what Executive wrote"),
-        ("{", "", "is not JSON"),
+        ('"format": 1', '"format": 2', "format"),
+        ('"looks": 2', '"looks": "two"', "domains.d.looks"),
+        ('"misses": 0.1', '"misses": 1.5', "domains.d.predicates.on"),
+        ('"misses": 0.2', '"misses": 1.5', "domains.d.atoms.on(a)"),
+        ('"on(a)"', '"on(a"', "domains.d.atoms.on(a"),
+        ('"alike": 0.2', '"alike": 2', "domains.d.alike"),
+        ('"scores": [0.1]', '"scores": [7.0]', "domains.d.predicates.on"),
+        ('"format"', '"fromat"', "format"),
+        ("{", "", None),
     ],
 )
-def test_a_damaged_file_is_one_line_with_file_and_key(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_a_damaged_file_is_one_line_with_file_and_key(tmp_path: Path, old: str, new: str, key: str | None) -> None:
     file = tmp_path / FILE
     text = json.dumps(GOOD)
     file.write_text(text)
     assert load(file, "d").looks == 2
     file.write_text(text.replace(old, new, 1))
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError) as caught:
         load(file, "d")
+    assert (caught.value.file, caught.value.key) == (file, key)
     assert "\n" not in str(caught.value)
 
 
@@ -246,14 +247,14 @@ def test_a_monitor_is_put_together_from_a_few_words(model: EstimatorConfig) -> N
         return monitor
 
     always_right = opened(MonitorConfig(), None)
-    assert always_right.eye == EXACT
+    assert always_right.sensor_model == EXACT
     assert always_right.actions == ActionModel()
     assert opened(MonitorConfig(memory=False), None).actions is None
     unknown = opened(MonitorConfig(), EstimatorConfig(vlm="somewhere/else"))
-    assert unknown.eye == SensorModel()
+    assert unknown.sensor_model == SensorModel()
     assert not unknown.thresholds
     measured = opened(MonitorConfig(), model)
-    assert measured.eye == known.eye
+    assert measured.sensor_model == known.sensor_model
     assert not measured.thresholds
     asked = opened(MonitorConfig(alpha=0.1), model)
     assert asked.thresholds == known.conformal.thresholds(0.1)
@@ -267,22 +268,23 @@ def test_a_monitor_is_put_together_from_a_few_words(model: EstimatorConfig) -> N
 
 @pytest.mark.usefixtures("no_translator")
 @pytest.mark.parametrize(
-    ("config", "looking", "words"),
+    ("config", "looking", "file", "key"),
     [
-        ({"alpha": 0.1}, "oracle", "--alpha: is for an eye that errs"),
-        ({"trust": Path("none.json")}, "oracle", "none.json: there is no such file"),
-        ({"alpha": 0.1}, "elsewhere", "--alpha: it is not known how often this eye errs: there is no trust.json"),
-        ({"alpha": 0.001}, "model", "--alpha: an error rate of 0.001 takes at least 999 calibration looks"),
-        ({"trust": Path("none.json")}, "model", "none.json: there is no such file"),
+        ({"alpha": 0.1}, "oracle", None, "--alpha"),
+        ({"trust": Path("none.json")}, "oracle", "none.json", None),
+        ({"alpha": 0.1}, "elsewhere", None, "--alpha"),
+        ({"alpha": 0.001}, "model", FILE, "--alpha"),
+        ({"trust": Path("none.json")}, "model", "none.json", None),
     ],
 )
 def test_what_does_not_go_together_is_said_in_one_line(
-    model: EstimatorConfig, config: dict[str, object], looking: str, words: str
+    model: EstimatorConfig, config: dict[str, object], looking: str, file: str | None, key: str | None
 ) -> None:
     eye = {"oracle": None, "elsewhere": EstimatorConfig(vlm="somewhere/else"), "model": model}[looking]
     with pytest.raises(InputError) as caught:
         open_monitor(MonitorConfig(**config), load_domain(TRAY), eye)  # type: ignore[arg-type]
-    assert words in str(caught.value)
+    assert (caught.value.file and caught.value.file.name, caught.value.key) == (file, key)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -296,20 +298,20 @@ def test_a_monitors_configuration_refuses_nonsense(values: dict[str, object]) ->
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "key"),
     [
-        (["--estimator", "oracle", "--alpha", "0.1"], "--alpha: is for an eye that errs"),
-        (["--alpha", "2"], "--alpha: an error rate between 0 and 1, not 2"),
-        (["--threshold", "-1"], "--threshold: a probability from 0 to 1, not -1"),
-        (["--threshold", "0.5", "--alpha", "0.1"], "--alpha: is one way to say how sure is sure enough"),
+        (["--estimator", "oracle", "--alpha", "0.1"], "--alpha"),
+        (["--alpha", "2"], "--alpha"),
+        (["--threshold", "-1"], "--threshold"),
+        (["--threshold", "0.5", "--alpha", "0.1"], "--alpha"),
     ],
 )
 def test_options_that_do_not_fit_are_one_line_and_leave_nothing_behind(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], words: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], key: str
 ) -> None:
     assert exit_code(["run", "grocery", "--runs", str(tmp_path / "runs"), *options]) == BAD_INPUT
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert words in line
+    assert f"{key}: " in line
     assert not (tmp_path / "runs").exists()
 
 
@@ -324,7 +326,7 @@ def test_thresholds_hold_for_looks_that_alternate() -> None:
 
     network = MutexNetwork((holding,), ())
     trust = fit(looks(2000), network)
-    monitor = BayesMonitor(network, trust.eye, actions=None)
+    monitor = BayesMonitor(network, trust.sensor_model, actions=None)
     new = [
         (monitor.looked(monitor.begin(), Belief(-1, answers), 0)[1].belief.probability, truth)
         for answers, truth in looks(2000)
@@ -341,7 +343,7 @@ def test_an_eye_that_does_not_see_one_thing_is_trusted_about_the_others() -> Non
         facts = room(rng)
         said = {atom: 0.98 if true and hidden not in atom.args else 0.02 for atom, true in facts.items()}
         looks.append((said, facts))
-    eye = fit(looks, NETWORK).eye
+    eye = fit(looks, NETWORK).sensor_model
     for atom in ATOMS:
         no = eye.evidence(atom, 0.02)
         assert (abs(no) < 0.5) if hidden in atom.args else (no < -1.5), atom

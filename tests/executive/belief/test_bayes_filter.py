@@ -65,8 +65,9 @@ def settled(monitor: BayesMonitor, where: Mapping[str, str]) -> BeliefState:
 def test_looks_are_weighed_by_bayes_rule_over_consistent_states(one: dict[Atom, float], two: dict[Atom, float]) -> None:
     memory, judgement = after(FORGETFUL, Belief(0, one), Belief(1, two))
     (hypothesis,) = memory.hypotheses
+    sensor = FORGETFUL.sensor_model
     evidence = {
-        atom: FORGETFUL.eye.together([FORGETFUL.eye.evidence(atom, look[atom]) for look in (one, two) if atom in look])
+        atom: sensor.pooled([sensor.evidence(atom, look[atom]) for look in (one, two) if atom in look])
         for atom in one.keys() | two.keys()
     }
     weight = {atom: hypothesis.weights[atom] + evidence.get(atom, 0.0) for atom in ATOMS}
@@ -235,9 +236,9 @@ def test_without_memory_each_moment_starts_anew() -> None:
 
 def test_looks_that_err_together_are_worth_less_than_others() -> None:
     wrong = answers(truth({"cup": "desk", "jug": "rack", "pot": "tray"}))
-    alike = BayesMonitor(NETWORK, SensorModel(other=ErrorModel(0.05, 0.05), alike=1.0))
+    alike = BayesMonitor(NETWORK, SensorModel(other=ErrorModel(0.05, 0.05), correlation_within=1.0))
     assert after(alike, *[wrong] * 5)[1].probability == pytest.approx(after(alike, wrong)[1].probability)
-    apart = BayesMonitor(NETWORK, SensorModel(other=ErrorModel(0.05, 0.05), alike=0.0))
+    apart = BayesMonitor(NETWORK, SensorModel(other=ErrorModel(0.05, 0.05), correlation_within=0.0))
     assert after(apart, *[wrong] * 5)[1].probability[FREE] > after(alike, wrong)[1].probability[FREE]
 
 
@@ -277,8 +278,8 @@ def test_a_model_that_leans_the_same_way_cycle_after_cycle_is_not_believed_more_
     leaning = Belief(0, {**answers(truth({"cup": "desk", "jug": "rack", "pot": "rack"})).probability})
     leaning = replace(leaning, probability={**leaning.probability, at("cup", "desk"): 0.75, at("cup", "tray"): 0.25})
     chance = {}
-    for lasting in (0.0, 0.8):
-        monitor = BayesMonitor(NETWORK, SensorModel(other=ErrorModel(1e-3, 1e-3), lasting=lasting))
+    for correlation in (0.0, 0.8):
+        monitor = BayesMonitor(NETWORK, SensorModel(other=ErrorModel(1e-3, 1e-3), correlation_across=correlation))
         memory, judgement = monitor.looked(monitor.begin(), leaning, 0)
         for cycle in range(1, 12):  # other things are moved meanwhile
             step = pick("jug", "rack") if cycle % 2 else put("jug", "rack")
@@ -288,7 +289,7 @@ def test_a_model_that_leans_the_same_way_cycle_after_cycle_is_not_believed_more_
                 leaning, probability={**answers(facts).probability, **{atom: leaning.probability[atom] for atom in CUP}}
             )
             memory, judgement = monitor.looked(memory, look, cycle)
-        chance[lasting] = judgement.probability[at("cup", "desk")]
+        chance[correlation] = judgement.probability[at("cup", "desk")]
     assert chance[0.0] > 0.99 > 0.95 > chance[0.8] > 0.75
 
 

@@ -85,7 +85,7 @@ def test_an_eye_that_may_be_wrong_beyond_doubt_is_never_believed() -> None:
 def test_too_few_looks_are_named_with_how_many_it_takes() -> None:
     conformal = Conformal({"on": (0.1,) * 19})
     assert conformal.quantile("on", 0.05) == 0.1
-    with pytest.raises(ValueError, match="takes at least 99 calibration looks, and there are 19 about on"):
+    with pytest.raises(ValueError, match="needs at least 99 calibration looks, and there are 19 about on"):
         conformal.quantile("on", 0.01)
     for alpha in (0.0, 1.0, -1.0):
         with pytest.raises(ValueError, match="between 0 and 1"):

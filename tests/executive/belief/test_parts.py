@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.belief.action_model import DEFAULTS, PRIOR, ActionModel, Chances, applied, outcome, touched
+from executive.belief.action_model import DEFAULTS, PRIOR, ActionModel, Chances, affected, outcome, with_effects
 from executive.belief.interface import Monitor, Thresholds
 from executive.belief.sensor_model import EXACT, ErrorModel, PastEvidence, SensorModel
 from executive.belief.threshold import ThresholdMonitor
@@ -39,12 +39,12 @@ def test_a_plain_answer_is_worth_how_much_more_often_it_is_right(false_alarms: f
 
 
 @given(st.floats(0.0, 1.0), st.lists(st.floats(-5, 5), min_size=1, max_size=6))
-def test_looks_together_are_worth_as_much_as_one_to_all_of_them(alike: float, evidence: list[float]) -> None:
-    together = SensorModel(alike=alike).together(evidence)
+def test_looks_together_are_worth_as_much_as_one_to_all_of_them(correlation: float, evidence: list[float]) -> None:
+    pooled = SensorModel(correlation_within=correlation).pooled(evidence)
     mean = math.fsum(evidence) / len(evidence)
-    assert min(abs(mean), abs(math.fsum(evidence))) - 1e-9 <= abs(together) <= abs(math.fsum(evidence)) + 1e-9
-    assert SensorModel(alike=1.0).together(evidence) == pytest.approx(mean)
-    assert SensorModel(alike=0.0).together(evidence) == pytest.approx(math.fsum(evidence))
+    assert min(abs(mean), abs(math.fsum(evidence))) - 1e-9 <= abs(pooled) <= abs(math.fsum(evidence)) + 1e-9
+    assert SensorModel(correlation_within=1.0).pooled(evidence) == pytest.approx(mean)
+    assert SensorModel(correlation_within=0.0).pooled(evidence) == pytest.approx(math.fsum(evidence))
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_an_eye_reads_each_predicate_by_its_own_rates() -> None:
     assert eye.evidence(at("cup", "desk"), 1.0) == pytest.approx(math.log(19))
     assert EXACT.evidence(FREE, 1.0) > 13
     with pytest.raises(ValueError, match="from 0 to 1"):
-        SensorModel(alike=1.5)
+        SensorModel(correlation_within=1.5)
 
 
 def test_every_status_has_default_chances() -> None:
@@ -92,19 +92,19 @@ def test_outcomes_are_told_apart() -> None:
 
 
 def test_effects_displace_what_cannot_be_beside_them_and_leave_the_rest() -> None:
-    partners = {atom: frozenset(m for g in NETWORK.around[atom] for m in g.atoms) - {atom} for atom in ATOMS}
+    partners = {atom: frozenset(m for g in NETWORK.groups_of[atom] for m in g.atoms) - {atom} for atom in ATOMS}
     step, even = pick("cup", "desk"), dict.fromkeys(ATOMS, 0.4)
-    now = applied(even, step, partners)
+    now = with_effects(even, step, partners)
     assert (now[held("cup")], now[at("cup", "desk")], now[at("cup", "rack")], now[FREE]) == (1.0, 0.0, 0.0, 0.0)
     assert (now[held("jug")], now[at("jug", "rack")]) == (0.0, 0.4)
     open_ = {FREE, held("cup"), *(at("cup", place) for place in ("desk", "rack", "tray"))}
-    assert touched(step, partners) == open_
+    assert affected(step, partners) == open_
 
 
 def test_the_action_model_refuses_nonsense() -> None:
-    with pytest.raises(ValueError, match="unrest"):
+    with pytest.raises(ValueError, match="process_noise"):
         ActionModel(process_noise=0.0)
-    with pytest.raises(ValueError, match="fewer than no"):
+    with pytest.raises(ValueError, match="counts have to be"):
         ActionModel({("pick", SkillStatus.DONE): Chances(-1, 0, 0)})
 
 
@@ -151,29 +151,31 @@ def test_the_least_certain_come_first() -> None:
 
 @given(st.floats(0.01, 1.0), st.floats(0.7, 6.0), st.integers(1, 30))
 def test_the_same_answer_about_what_nothing_has_touched_never_adds_up_to_certainty(
-    lasting: float, worth: float, looks: int
+    correlation: float, worth: float, looks: int
 ) -> None:
     """n answers of worth e count for n e / (1 + (n - 1) a): e / a at most, and all of them where a is 0."""
-    eye, earlier = SensorModel(lasting=lasting), PastEvidence((worth,), worth)
+    sensor, earlier = SensorModel(correlation_across=correlation), PastEvidence((worth,), worth)
     for _ in range(looks):
-        believed = earlier.believed + eye.anew(worth, earlier)
-        assert worth - 1e-9 <= believed <= worth / lasting + 1e-9
+        believed = earlier.believed + sensor.increment(worth, earlier)
+        assert worth - 1e-9 <= believed <= worth / correlation + 1e-9
         earlier = earlier.with_look(worth, believed)
-    assert len(earlier.said) == looks + 1
-    assert SensorModel().anew(worth, earlier) == worth
+    assert len(earlier.evidence) == looks + 1
+    assert SensorModel().increment(worth, earlier) == worth
 
 
 @given(st.floats(0.1, 1.0), st.lists(st.floats(0.7, 8.0), min_size=1, max_size=9), st.floats(0.7, 8.0))
-def test_a_look_that_is_surer_than_all_before_it_is_one_of_them(lasting: float, said: list[float], now: float) -> None:
-    eye, earlier = SensorModel(lasting=lasting), PastEvidence(tuple(said), said[-1])
-    believed = earlier.believed + eye.anew(now, earlier)
-    together = SensorModel(alike=lasting).together([*said, now])
-    assert believed == pytest.approx(together)
+def test_a_look_that_is_surer_than_all_before_it_is_one_of_them(
+    correlation: float, said: list[float], now: float
+) -> None:
+    sensor, earlier = SensorModel(correlation_across=correlation), PastEvidence(tuple(said), said[-1])
+    believed = earlier.believed + sensor.increment(now, earlier)
+    pooled = SensorModel(correlation_within=correlation).pooled([*said, now])
+    assert believed == pytest.approx(pooled)
 
 
 def test_what_says_otherwise_counts_in_full_and_begins_anew() -> None:
-    eye, earlier = SensorModel(lasting=0.8), PastEvidence((2.0, 2.0), 2.0)
-    assert eye.anew(-3.0, earlier) == -3.0
+    sensor, earlier = SensorModel(correlation_across=0.8), PastEvidence((2.0, 2.0), 2.0)
+    assert sensor.increment(-3.0, earlier) == -3.0
     assert earlier.with_look(-3.0, -1.0) == PastEvidence((-1.0,), -1.0)
-    assert eye.anew(0.3, earlier) == 0.3, "what says next to nothing takes nothing away"
+    assert sensor.increment(0.3, earlier) == 0.3, "what says next to nothing takes nothing away"
     assert earlier.with_look(0.3, 2.1) == PastEvidence((2.0, 2.0), 2.1)

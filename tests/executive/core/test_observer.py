@@ -307,7 +307,9 @@ def test_a_surprise_in_a_look_at_some_atoms_has_the_rest_looked_at_before_it_is_
 def test_what_is_never_sure_enough_is_not_claimed() -> None:
     """Every answer is for the goal, and none by enough to bet on it."""
     always = {at("a", "q"): 0.8, at("a", "r"): 0.3}
-    leaning = stage(always=always).weighing(eye=SensorModel(other=ErrorModel(1e-3, 1e-3), alike=0.8, lasting=0.8))
+    leaning = stage(always=always).weighing(
+        sensor_model=SensorModel(other=ErrorModel(1e-3, 1e-3), correlation_within=0.8, correlation_across=0.8)
+    )
     ended = leaning.play()
     assert (ended.outcome, ended.goal_seen) == (OutcomeKind.PARTIAL, False)
     assert "cannot tell at(a,q)" in ended.reason

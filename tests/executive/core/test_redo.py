@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pytest
 
 from executive.belief import ErrorModel, SensorModel
-from executive.belief.action_model import FELT, MISSING, felt
+from executive.belief.action_model import ABSENCE_EVIDENCE, GRIP_EVIDENCE, skill_evidence
 from executive.core.policy import Settings
 from executive.types import (
     Atom,
@@ -25,7 +25,7 @@ from tests.fakes import FLOOR, FREE, Answer, FakePlanner, ScriptedEstimator, Sta
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
 CARRIED = {"pick": ("held", (0,)), "place": ("held", (0,))}
-SHARP = SensorModel(other=ErrorModel(1e-3, 1e-3), alike=0.8, lasting=0.8)
+SHARP = SensorModel(other=ErrorModel(1e-3, 1e-3), correlation_within=0.8, correlation_across=0.8)
 
 
 class Leaning(ScriptedEstimator):
@@ -46,7 +46,7 @@ def across(**parts: object) -> Stage:
     """A thing is put across the edge between q, where the goal has it, and r."""
     made = Stage(GOAL, {"a": "p", "b": "p"}, script={2: "land quietly r"})
     made.estimator = Leaning(made.world)
-    return made.weighing(eye=SHARP, **parts)
+    return made.weighing(sensor_model=SHARP, **parts)
 
 
 def test_a_goal_that_is_never_sure_is_brought_about_once_more() -> None:
@@ -137,7 +137,7 @@ def test_what_is_seen_not_to_be_anywhere_is_no_reason_to_try() -> None:
 
 def test_nothing_is_done_again_for_what_the_looks_do_not_speak_of() -> None:
     """Not to see a thing at all is no reason to move it."""
-    made = Stage(GOAL, {"a": "p", "b": "p"}, always={at("a", "q"): None}).weighing(eye=SHARP)
+    made = Stage(GOAL, {"a": "p", "b": "p"}, always={at("a", "q"): None}).weighing(sensor_model=SHARP)
     ended = made.play()
     assert not ended.goal_seen
     assert not any("done once more" in each.reason for each in made.recorder.of(Decision))
@@ -149,7 +149,7 @@ def test_the_hand_is_asked_before_an_eye_that_takes_the_thing_for_held() -> None
     empty = SkillResult(step, SkillStatus.NO_PATH, holding=False)
     beliefs = {}
     for carried in ({}, CARRIED):
-        monitor = Stage(GOAL, {"a": "p", "b": "p"}).weighing(eye=SHARP, carried=carried).monitor
+        monitor = Stage(GOAL, {"a": "p", "b": "p"}).weighing(sensor_model=SHARP, carried=carried).monitor
         memory = monitor.begin()
         lifted = {atom: float(atom == held("a") or atom == at("b", "p")) for atom in (*monitor.network.atoms,)}  # type: ignore[attr-defined]
         memory, _ = monitor.looked(memory, Belief(0, lifted), 0)
@@ -162,16 +162,22 @@ def test_the_hand_is_asked_before_an_eye_that_takes_the_thing_for_held() -> None
 
 def test_a_full_hand_holds_the_thing_only_where_the_skill_got_it() -> None:
     step = pick("a", "p")
-    assert felt(CARRIED, step, SkillResult(step, SkillStatus.DONE, holding=True)) == {held("a"): FELT}
-    assert felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, holding=False)) == {held("a"): -FELT}
-    assert not felt(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, "full", holding=True))
-    assert not felt(CARRIED, step, SkillResult(step, SkillStatus.DONE))
-    assert not felt({}, step, SkillResult(step, SkillStatus.DONE, holding=True))
+    assert skill_evidence(CARRIED, step, SkillResult(step, SkillStatus.DONE, holding=True)) == {
+        held("a"): GRIP_EVIDENCE
+    }
+    assert skill_evidence(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, holding=False)) == {
+        held("a"): -GRIP_EVIDENCE
+    }
+    assert not skill_evidence(CARRIED, step, SkillResult(step, SkillStatus.GRASP_MISSED, "full", holding=True))
+    assert not skill_evidence(CARRIED, step, SkillResult(step, SkillStatus.DONE))
+    assert not skill_evidence({}, step, SkillResult(step, SkillStatus.DONE, holding=True))
 
 
 def test_what_a_skill_does_not_find_where_it_should_be_is_not_there() -> None:
     step = pick("a", "p")
     missing = SkillResult(step, SkillStatus.NOT_THERE, holding=False)
-    assert felt(CARRIED, step, missing) == {at("a", "p"): -MISSING, held("a"): -FELT}
-    assert felt({}, step, missing) == {at("a", "p"): -MISSING}
-    assert felt(CARRIED, put("a", "q"), SkillResult(put("a", "q"), SkillStatus.NOT_THERE)) == {held("a"): -MISSING}
+    assert skill_evidence(CARRIED, step, missing) == {at("a", "p"): -ABSENCE_EVIDENCE, held("a"): -GRIP_EVIDENCE}
+    assert skill_evidence({}, step, missing) == {at("a", "p"): -ABSENCE_EVIDENCE}
+    assert skill_evidence(CARRIED, put("a", "q"), SkillResult(put("a", "q"), SkillStatus.NOT_THERE)) == {
+        held("a"): -ABSENCE_EVIDENCE
+    }

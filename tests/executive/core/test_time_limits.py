@@ -282,7 +282,7 @@ class Disk:
         patch.setattr(os, "write", limited_write)
         patch.setattr(Path, "write_bytes", limited_write_bytes)
         patch.setattr(
-            "executive.trace.record.snapshots.write_whole", lambda path, data, lasting: limited_write_bytes(path, data)
+            "executive.trace.record.snapshots.write_atomic", lambda path, data, durable: limited_write_bytes(path, data)
         )
 
     def _left(self) -> int:

@@ -55,8 +55,8 @@ def test_evaluations_make_the_file_that_runs_find_beside_the_model(
     assert trust.looks == 130
     correction = Calibration.load(model)
     assert correction.model == "eye"
-    assert set(correction.predicates) == set(trust.eye.error_models)
-    assert set(trust.eye.error_models) == set(trust.conformal.scores) == {"resting-on", "holding", "hand-free"}
+    assert set(correction.predicates) == set(trust.sensor_model.error_models)
+    assert set(trust.sensor_model.error_models) == set(trust.conformal.scores) == {"resting-on", "holding", "hand-free"}
     for scores in trust.conformal.scores.values():
         assert 60 < len(scores) <= 65  # where nothing of a predicate was answered there is none
 

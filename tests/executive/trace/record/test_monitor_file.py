@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ from executive.errors import InputError
 from executive.trace.record import monitor_file
 from executive.types import SkillStatus
 from tests.executive.belief.hands import ATOMS, GROUPS
+from tests.fakes import at
 
 shares = st.floats(0.01, 0.49)
 error_models = st.builds(ErrorModel, shares, shares, st.floats(0, 5), st.floats(-5, 5))
@@ -67,7 +69,7 @@ def test_a_monitor_comes_back_as_it_was(tmp_path_factory: pytest.TempPathFactory
     assert isinstance(monitor, BayesMonitor)
     assert isinstance(again, BayesMonitor)
     assert (again.network.atoms, again.network.groups) == (monitor.network.atoms, monitor.network.groups)
-    assert (again.eye, again.thresholds) == (monitor.eye, monitor.thresholds)
+    assert (again.sensor_model, again.thresholds) == (monitor.sensor_model, monitor.thresholds)
     assert (again.actions, again.carried) == (monitor.actions, monitor.carried)
 
 
@@ -78,9 +80,23 @@ def test_a_monitor_of_ones_own_is_not_kept(tmp_path: Path) -> None:
         def __init__(self) -> None:
             inner = ThresholdMonitor(ATOMS)
             self.begin, self.acted, self.looked = inner.begin, inner.acted, inner.looked
-            self.otherwise, self.supposing = inner.otherwise, inner.supposing
+            self.state_without, self.state_with = inner.state_without, inner.state_with
 
     assert monitor_file.save(tmp_path, Own()) is None
     assert monitor_file.described(Own()) == "Own"
     with pytest.raises(InputError, match="is missing"):
         monitor_file.load(tmp_path, ATOMS)
+
+
+def test_a_monitor_of_a_former_version_is_read(tmp_path: Path) -> None:
+    """The keys in the file stay, whatever the fields are called in the program."""
+    kept = {"false_alarms": 0.1, "misses": 0.2, "slope": 1.5, "bias": 0.5}
+    eye = {"readings": {"at": kept}, "other": kept, "alike": 0.3, "lasting": 0.7, "atoms": {"at(cup,desk)": kept}}
+    former = {"format": 1, "kind": "fused", "groups": [], "eye": eye, "thresholds": {}, "unrest": 0.06, "counts": {}}
+    (tmp_path / monitor_file.FILE).write_text(json.dumps(former))
+    monitor = monitor_file.load(tmp_path, ATOMS)
+    assert isinstance(monitor, BayesMonitor)
+    model = ErrorModel(**kept)
+    assert monitor.sensor_model == SensorModel({"at": model}, model, 0.3, 0.7, {at("cup", "desk"): model})
+    assert monitor.actions is not None
+    assert monitor.actions.process_noise == 0.06

@@ -11,7 +11,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from executive.belief import BayesMonitor, MutexNetwork, ThresholdMonitor, Thresholds
-from executive.belief.bayes_filter import BAND
+from executive.belief.bayes_filter import DEFAULT_THRESHOLDS
 from executive.trace.record.monitor_file import save
 from executive.trace.record.thresholds import recorded_thresholds, thresholds
 from executive.trace.viewer.beliefs import Beliefs
@@ -97,7 +97,7 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
             [*look(2, {LEMON: 0.9}), judged(2, {LEMON: 0.05})],
             [*look(3, {GONE: 0.5}), Judged(3, {LEMON: 0.1, GONE: 0.5}, Facts(), remembered=kept)],
         ],
-        {"": BAND},
+        {"": DEFAULT_THRESHOLDS},
     )
 
 
@@ -116,8 +116,8 @@ def test_words_go_by_the_judgement_and_tell_memory_from_sight(trace: Path) -> No
 
 
 def test_the_thresholds_lie_across(trace: Path) -> None:
-    assert {value for _, value in rows(trace, "/thresholds/all/high", ":scalars")} == {BAND.high}
-    assert {value for _, value in rows(trace, "/thresholds/all/low", ":scalars")} == {BAND.low}
+    assert {value for _, value in rows(trace, "/thresholds/all/high", ":scalars")} == {DEFAULT_THRESHOLDS.high}
+    assert {value for _, value in rows(trace, "/thresholds/all/low", ":scalars")} == {DEFAULT_THRESHOLDS.low}
 
 
 def test_without_a_judgement_the_answers_stand_for_themselves(tmp_path: Path) -> None:
@@ -135,11 +135,11 @@ def test_thresholds_are_those_of_the_monitor_and_of_its_record(tmp_path: Path) -
     plain, strict = ThresholdMonitor(some.atoms, Thresholds(0.2, 0.9)), {"on-table": Thresholds(0.01, 0.99)}
     fused = BayesMonitor(MutexNetwork(some.atoms, ()), thresholds=strict)
     assert thresholds(plain) == {"": Thresholds(0.2, 0.9)}
-    assert thresholds(fused) == {"": BAND, **strict}
+    assert thresholds(fused) == {"": DEFAULT_THRESHOLDS, **strict}
     assert thresholds(None) == {}
     assert recorded_thresholds(tmp_path, some) == {}, "there is no record"
     save(tmp_path, fused)
-    assert recorded_thresholds(tmp_path, some) == {"": BAND, **strict}
+    assert recorded_thresholds(tmp_path, some) == {"": DEFAULT_THRESHOLDS, **strict}
 
 
 @pytest.mark.parametrize(
