@@ -126,7 +126,7 @@ def test_each_part_of_a_monitor_makes_more_of_the_same_looks() -> None:
         looks.judged(each, taken, flipping(0.0, 0)) for _, each in looks.settings(domain, network, EXACT, ActionModel())
     ]
     assert [each.state for each in exact] == [1.0] * 3
-    eye = looks.trusted(network, courses(domain, 30, 20, 1), graded(0)).eye
+    eye = looks.trusted(network, courses(domain, 30, 20, 1), graded(0)).sensor_model
     states = [
         looks.judged(each, taken, graded(2)).state for _, each in looks.settings(domain, network, eye, ActionModel())
     ]
