@@ -56,7 +56,8 @@ IN_A_SHELL = re.compile(r"--web|--install-completion|^make |^\. ")
 
 
 def lines(block: Block) -> list[str]:
-    return [line.split(" #")[0].strip() for line in block.text.splitlines() if line.strip()]
+    """The commands of a block, without comments."""
+    return [line.split(" #")[0].strip() for line in block.text.splitlines() if line.strip() and line[0] != "#"]
 
 
 PAGES = [page for page in DOCUMENTS if page not in [DOCS / followed for followed in FOLLOWED]]
