@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -128,6 +129,11 @@ def test_a_fresh_clone_sets_itself_up_once(tmp_path: Path) -> None:
     assert printed("make", "--no-print-directory", "setup", cwd=clone) == ""
 
 
+def names(wheel: Path) -> set[str]:
+    with zipfile.ZipFile(wheel) as opened:
+        return set(opened.namelist())
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_an_installed_wheel_runs_a_shipped_domain_from_anywhere(tmp_path: Path) -> None:
@@ -135,7 +141,15 @@ def test_an_installed_wheel_runs_a_shipped_domain_from_anywhere(tmp_path: Path) 
     elsewhere.mkdir()
     printed(sys.executable, "-m", "pip", "wheel", "-qq", "--no-deps", "-w", tmp_path, source, cwd=tmp_path)
     (wheel,) = tmp_path.glob("executive-*.whl")
+    assert {name.split("/")[0].split("-")[0] for name in names(wheel)} == {"executive"}
+    assert {"executive/skills/pick.py", "executive/domains/grocery/domain.toml"} <= names(wheel)
     printed(sys.executable, "-m", "venv", venv, cwd=tmp_path)
+    printed(venv / "bin/python", "-m", "pip", "install", "-qq", "hatchling", cwd=tmp_path)
+    printed(venv / "bin/python", "-m", "hatchling", "build", "-t", "sdist", "-d", tmp_path, cwd=source)
+    (archive,) = tmp_path.glob("executive-*.tar.gz")
+    printed(sys.executable, "-m", "pip", "wheel", "-qq", "--no-deps", "-w", tmp_path / "again", archive, cwd=tmp_path)
+    (again,) = (tmp_path / "again").glob("executive-*.whl")
+    assert names(again) == names(wheel)
     printed(venv / "bin/python", "-m", "pip", "install", "-qq", "--no-deps", wheel, cwd=tmp_path)
     # Everything that it depends on is borrowed from the environment of this test.
     (site,) = venv.glob("lib/python*/site-packages")
