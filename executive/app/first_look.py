@@ -1,5 +1,5 @@
-"""Does what every run begins with, in its order, and prints what came of it: the scene is set, its cameras' pictures
-are drawn, and the model that comes with the domain looks at them. No action is taken, and nothing is left behind.
+"""Does what every run begins with, in its order, and prints what came of it: the drivers are tried, everything is put
+together, the cameras' pictures are drawn, and the model that comes with the domain looks at them.
 
     python -X faulthandler -m executive.app.first_look
 
@@ -9,42 +9,34 @@ A program of its own, because libraries of machine code that do not get along en
 from __future__ import annotations
 
 import tempfile
+import time
 from pathlib import Path
 
-from executive.app.run import RunConfig, run
-from executive.types import Belief, Event
-
-
-class _Beliefs:
-    """A sink that keeps what the looks came to."""
-
-    def __init__(self) -> None:
-        self.seen: list[Belief] = []
-
-    def write(self, event: Event) -> None:
-        if isinstance(event.payload, Belief):
-            self.seen.append(event.payload)
-
-    def close(self) -> None: ...
+from executive.app.run import Run, RunConfig
+from executive.util import requirements
 
 
 def look() -> str:
-    """What the first look of a run came to.
+    """What a run's first look comes to. No plan is made and nothing moves, so that nothing has to be compiled for it;
+    the run's folder is a temporary one.
 
     Raises:
-        RuntimeError: it came to nothing.
+        RuntimeError: it has no answer to anything.
         Exception: whatever a run raises that cannot begin.
     """
-    beliefs = _Beliefs()
+    requirements.require()
     with tempfile.TemporaryDirectory() as folder:
-        config = RunConfig("grocery", problem="one-item", max_actions=0, max_looks=1, runs=Path(folder), viewer=False)
-        summary = run(config, [beliefs])
-    answered = sum(len(belief.probability) for belief in beliefs.seen)
-    if not answered:
-        raise RuntimeError(f"a look has no answer to anything ({summary['outcome']})")
-    model, seconds = summary["estimator"].partition(":")[2], summary["wall_seconds"]
-    took = seconds["observe"] + seconds["estimate"]
-    return f"{model} answers {answered} questions about pictures of the grocery scene in {took:.1f} s"
+        config = RunConfig("grocery", problem="one-item", runs=Path(folder), viewer=False)
+        with Run(config) as prepared:
+            eye, atoms = prepared.executive.estimator, prepared.domain.task.atoms
+            assert eye is not None  # the default is to look
+            begin = time.perf_counter()
+            belief = eye.estimate(prepared.world.observe(), atoms)
+            seconds = time.perf_counter() - begin
+    if not belief.probability:
+        raise RuntimeError(f"{eye.name} answers none of {len(atoms)} questions")
+    name, told = eye.name.partition(":")[2], f"{len(belief.probability)} of {len(atoms)} questions"
+    return f"{name} answers {told} about a scene's pictures in {seconds:.1f} s"
 
 
 if __name__ == "__main__":
