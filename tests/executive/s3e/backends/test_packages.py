@@ -61,7 +61,8 @@ def test_a_broken_torchvision_breaks_no_model_that_does_without(tmp_path: Path) 
     script = """
 import numpy as np
 from executive.app import estimators as eye
-from executive.s3e import TransformersBackend, packages
+from executive.s3e import TransformersBackend
+from executive.s3e.backends import packages
 backend = TransformersBackend(eye.SHIPPED / "grocery-eye")
 with backend.look([np.zeros((64, 64, 3), np.uint8)] * 5, "") as look:
     [answer] = look.ask(["Is the lemon on the floor?"])
