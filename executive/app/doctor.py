@@ -40,7 +40,7 @@ _LONG = 300.0
 """Wall seconds for the trial of a look, which loads everything that a run does."""
 _ROOM, _LEAST_ROOM = 1e9, 1e8
 """Bytes that should be free where runs are written, and those without which none is begun."""
-_FOR_DEVELOPERS = frozenset({"dev", "fuzz", "judge", "test-llm"})
+_FOR_DEVELOPERS = frozenset({"dev", "docs", "fuzz", "judge", "test-llm"})
 """Extras that nobody misses who only uses Executive."""
 
 
