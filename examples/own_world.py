@@ -125,12 +125,12 @@ def take(step: Step, context: SkillContext) -> SkillResult:
     board: Board = context.handle
     start, (marble, cup) = board.time, step.args
     if board.where[marble] != cup:
-        return told(step, board, start, SkillStatus.NOT_THERE, f"{marble} is not in the {cup} cup")
+        return report(step, board, start, SkillStatus.NOT_THERE, f"{marble} is not in the {cup} cup")
     if not (spend(context, "approach", 1.0) and spend(context, "grip", 0.5)):
-        return told(step, board, start, SkillStatus.CANCELLED)
+        return report(step, board, start, SkillStatus.CANCELLED)
     missed, board.clumsy = board.clumsy, False
     if missed:
-        return told(step, board, start, SkillStatus.GRASP_MISSED, "the fingers closed on nothing")
+        return report(step, board, start, SkillStatus.GRASP_MISSED, "the fingers closed on nothing")
     board.where[marble] = HAND
     return carry(step, context, start)
 
@@ -140,7 +140,7 @@ def put(step: Step, context: SkillContext) -> SkillResult:
     board: Board = context.handle
     start, (marble, cup) = board.time, step.args
     if board.held != marble:
-        return told(step, board, start, SkillStatus.NOT_THERE, f"the hand does not hold {marble}")
+        return report(step, board, start, SkillStatus.NOT_THERE, f"the hand does not hold {marble}")
     result = carry(step, context, start)
     if result.done:
         board.where[marble] = cup
@@ -151,10 +151,10 @@ def carry(step: Step, context: SkillContext, start: float) -> SkillResult:
     """Move with the marble in the hand, and feel whether it stays there."""
     board: Board = context.handle
     if not spend(context, "transfer", 2.0, until=lambda: board.held != step.args[0]):
-        return told(step, board, start, SkillStatus.CANCELLED)
+        return report(step, board, start, SkillStatus.CANCELLED)
     if board.held != step.args[0]:
-        return told(step, board, start, SkillStatus.DROPPED, "the fingers feel nothing any more")
-    return told(step, board, start, SkillStatus.DONE)
+        return report(step, board, start, SkillStatus.DROPPED, "the fingers feel nothing any more")
+    return report(step, board, start, SkillStatus.DONE)
 
 
 def spend(context: SkillContext, phase: str, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
@@ -169,7 +169,7 @@ def spend(context: SkillContext, phase: str, seconds: float, until: Callable[[],
     return not context.cancelled()
 
 
-def told(step: Step, board: Board, start: float, status: SkillStatus, reason: str = "") -> SkillResult:
+def report(step: Step, board: Board, start: float, status: SkillStatus, reason: str = "") -> SkillResult:
     seconds = board.time - start
     return SkillResult(step, status, reason, seconds, seconds)
 
