@@ -111,7 +111,7 @@ def killed_and_resumed(
     actions = max((event.payload.action for event in before if isinstance(event.payload, Dispatched)), default=0)
     going_on = executive("resume", str(folder), "--quiet", "--json")
     resumed = subprocess.run(going_on, capture_output=True, text=True, check=False, timeout=PATIENCE)
-    over = any(isinstance(event.payload, Ended) for event in before) and "has come to its end" in resumed.stderr
+    over = any(isinstance(event.payload, Ended) for event in before) and "has ended" in resumed.stderr
     after = list(read_events(folder, images=True))
     lost = max(0, told - actions) + (len(before) > len(after))
     repeated = len(again(after))

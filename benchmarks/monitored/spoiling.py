@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from executive.app import sensor_fit
-from executive.app.estimators import EstimatorConfig, settled
+from executive.app.estimators import EstimatorConfig, with_default_model
 from executive.domain.loader import load_domain
 from executive.faults.image_noise import SPOILED, most
 from executive.lab.common.process_pool import ProcessPool
@@ -40,7 +40,7 @@ class Asked(NamedTuple):
 
 def shipped() -> str:
     """Tells the model that comes with the domain, as it answers, from another one."""
-    folder = Path(str(settled(EstimatorConfig(), load_domain("grocery").subject).vlm))
+    folder = Path(str(with_default_model(EstimatorConfig(), load_domain("grocery").subject).vlm))
     content = hashlib.sha256()
     for file in sorted(path for path in folder.iterdir() if path.name not in (sensor_fit.FILE, "README.md")):
         content.update(file.name.encode() + file.read_bytes())

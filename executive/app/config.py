@@ -1,4 +1,4 @@
-"""What a run is asked to do: all that decides how it goes, and the folder that keeps it."""
+"""A run's configuration, and the folder that keeps it."""
 
 from __future__ import annotations
 
@@ -20,23 +20,37 @@ from executive.util.atomic_write import write_atomic
 from executive.util.files import check_writable, legible, read_toml, reason
 
 CONFIG = "config.toml"
-"""The file in a run's folder that says what it was asked to do."""
+"""The file in a run's folder with its configuration."""
 
 ESTIMATORS = ("oracle", "vlm", "none")
 
 PATIENCE = 900.0
-"""Wall seconds after which a look, a plan or an action is ended, unless told otherwise."""
+"""The default time limit of a look, a plan or an action, in wall seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunConfig:
-    """All that decides how a run goes; `config.toml` in the run's folder holds the same.
+    """The options of a run; `config.toml` in the run's folder has the same.
 
-    `domain` is a folder or a shipped domain's name. `faults` are in the grammar of `executive.faults`. `grasp_noise`
-    is a standard deviation in m. `max_*` are limits of `executive.core.policy.Settings`, `patience` are the seconds on
-    the wall's clock after which a look, a plan or an action is ended, and without `guard` nobody looks after what is
-    carried. `runs` is where the run's own folder is made, `name` what it is called. `tree` has the trees that motions
-    are searched for with in the trace. `eye` says how the estimator "vlm" sees, `monitor` what is made of what is seen.
+    Attributes:
+        domain: a folder, or a shipped domain's name.
+        problem: one of the domain's problems; without it, its default.
+        faults: specifications in the grammar of `executive.faults`.
+        home_pose: whether skills end at the home pose.
+        grasp_noise: the standard deviation of grasp positions, in m.
+        max_replans, max_actions, max_cycles, max_looks, max_seconds, max_looks_again, max_questions: limits of
+            `executive.core.policy.Settings`.
+        patience: the time limit of a look, a plan or an action, in wall seconds.
+        guard: whether the hold guard looks at what is carried while it is carried.
+        runs: the folder in which the run's folder is made.
+        name: the name of the run's folder.
+        viewer: whether the run is recorded for the Rerun viewer.
+        tree: whether the recording has the search trees of motion planning.
+        eye: the options of the estimator "vlm".
+        monitor: the options of the monitor.
+
+    Raises:
+        InputError: a value is not valid, or two options exclude each other.
     """
 
     domain: str
@@ -103,10 +117,10 @@ class RunConfig:
 
 
 def check_folder(config: RunConfig) -> None:
-    """Have it said before anything is loaded that there can be no folder for the run.
+    """Check, before anything is loaded, that the run's folder can be made.
 
     Raises:
-        InputError: nothing can be written where it would be, or there is a run of that name.
+        InputError: nothing can be written there, or there is a run of that name.
     """
     check_writable(config.runs, "--runs")
     if config.name is not None and os.path.lexists(config.runs / config.name):
@@ -118,7 +132,7 @@ def _taken(folder: Path) -> InputError:
 
 
 def make_folder(config: RunConfig, domain: Domain) -> Path:
-    """The run's folder, with its configuration in it."""
+    """Make the run's folder, with its configuration in it, and return it."""
     if config.name is not None:
         names = [config.name]
     else:
@@ -138,7 +152,7 @@ def make_folder(config: RunConfig, domain: Domain) -> Path:
 
 
 def read_config(run: Path) -> RunConfig:
-    """The configuration of a run, from its folder.
+    """Read the configuration of a run from its folder.
 
     Raises:
         InputError: there is none in it, or a damaged one.
@@ -147,7 +161,7 @@ def read_config(run: Path) -> RunConfig:
 
     file = run / CONFIG
     if not os.path.exists(file):
-        raise InputError("is missing: it is not known what the run was asked to do", file=file)
+        raise InputError("is missing: the run's configuration is not known", file=file)
     said = read_toml(file)
     try:
         return TypeAdapter(RunConfig).validate_python(said)
@@ -166,14 +180,14 @@ def _toml(config: RunConfig) -> str:
 
 
 def _written(value: object) -> object:
-    """As it is in the file, where half a character, as it may be in a path, cannot be."""
+    """Return the value as it is in the file, without lone surrogates, which paths may have and TOML may not."""
     if isinstance(value, tuple):
         return [_written(each) for each in value]
     return legible(str(value)) if isinstance(value, str | Path) else value
 
 
 def _settings(config: RunConfig | EstimatorConfig | MonitorConfig) -> list[str]:
-    """A line for everything that is set. A JSON string, number, boolean or array of strings is a TOML one."""
+    """Return a line for each option that is set. JSON strings, numbers, booleans and arrays of strings are TOML, too."""
     values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
     return [
         f"{name} = {json.dumps(_written(value))}".replace("\x7f", "\\u007f")

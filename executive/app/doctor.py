@@ -1,7 +1,7 @@
-"""What this machine has and lacks, each part with the command that mends it: what `executive doctor` tells.
+"""Checks what this machine has and lacks, each part with the command that mends it, for `executive doctor`.
 
-Every part is tried out and not only looked for: a picture is drawn, a plan is searched, a file is written. What may
-crash (graphics drivers) or hang is tried in a process of its own. Whatever goes wrong in a trial is a finding.
+Every part is tried out and not only looked for: a picture is rendered, a plan is searched, a file is written. What may
+crash (graphics drivers) or hang is tried in a process of its own. Any error in a trial is a finding.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ from packaging.requirements import Requirement
 
 from executive import __version__
 from executive.errors import InputError, MissingError
-from executive.util import requirements as machine
+from executive.util import requirements
 from executive.util.files import check_writable, reason
 from executive.util.threads import cores, settings
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
-"""Of the repository, if this is not an installed wheel."""
+"""The repository's root, if this is not an installed wheel."""
 _PATIENCE = 90.0
-"""Wall seconds that a trial may take; software drivers on a busy machine are slow."""
+"""The time limit of a trial, in wall seconds; software drivers on a busy machine are slow."""
 _LONG = 300.0
-"""Wall seconds for the trial of a look, which loads everything that a run does."""
+"""The time limit of the trial of a look, which loads everything that a run does, in wall seconds."""
 _ROOM, _LEAST_ROOM = 1e9, 1e8
-"""Bytes that should be free where runs are written, and those without which none is begun."""
+"""The free bytes that there should be where runs are written, and those without which no run starts."""
 _FOR_DEVELOPERS = frozenset({"dev", "docs", "fuzz", "judge", "test-llm"})
-"""Extras that nobody misses who only uses Executive."""
+"""Extras that only developers need."""
 
 
 class State(StrEnum):
     OK = "ok"
     LIMITED = "limited"
-    """Runs work; something else does not, and the finding says what."""
+    """Runs work, but something else does not; the finding says what."""
     MISSING = "missing"
     """No run works."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found of one part of the machine, in one line; `command` mends it where that is called for."""
+    """The state of one part of the machine, in one line, and the command that mends it if it is not ok."""
 
     part: str
     state: State
@@ -63,11 +63,11 @@ class Finding:
 
     def __post_init__(self) -> None:
         if (self.state is State.OK) != (self.command is None):
-            raise ValueError(f"{self.part}: what is not ok comes with a command, and nothing else does")
+            raise ValueError(f"{self.part}: a finding has a command if and only if it is not ok")
 
 
 def examine() -> Iterator[Finding]:
-    """Every part in turn."""
+    """Yield the finding of every part, in a fixed order."""
     trials: dict[str, Callable[[], Finding]] = {
         "system": system,
         "threads": threads,
@@ -84,7 +84,7 @@ def examine() -> Iterator[Finding]:
         "disk": disk,
         "look": look,
     }
-    # What waits for a process can do so while the others are tried; these import, which has to happen one by one.
+    # Trials in processes of their own run beside the others, which import packages and so have to run one by one.
     with ThreadPoolExecutor() as pool:
         futures = {part: pool.submit(_tried, part, trials[part]) for part in ("look", "OpenGL", "Vulkan")}
         for part, trial in trials.items():
@@ -96,7 +96,7 @@ def _tried(part: str, trial: Callable[[], Finding]) -> Finding:
         return trial()
     except MissingError as error:
         return Finding(part, State.MISSING, _line(str(error).partition("; install it with: ")[0]), error.command)
-    except Exception as error:  # there is no telling what a broken installation raises
+    except Exception as error:  # a broken installation may raise anything
         return Finding(part, State.MISSING, _line(f"{type(error).__name__}: {error}"), _reinstall())
 
 
@@ -119,8 +119,8 @@ def ready(findings: Iterable[Finding]) -> bool:
 
 
 def system() -> Finding:
-    """The operating system, the processor's cores and the memory."""
-    wrong = machine.wrong_system(sys.platform, machine.PYTHONS[0])
+    """Check the operating system, the processor's cores and the memory."""
+    wrong = requirements.wrong_system(sys.platform, requirements.PYTHONS[0])
     if wrong is not None:
         return Finding("system", State.MISSING, wrong.what, wrong.command)
     try:
@@ -133,22 +133,22 @@ def system() -> Finding:
 
 
 def threads() -> Finding:
-    """How many threads a process computes with, and how they wait."""
+    """Report the number of threads that a process computes with, and how they wait."""
     said = (f"{name}={value}{' (yours)' if own else ''}" for name, (value, own) in settings().items())
     return Finding("threads", State.OK, f"{', '.join(said)}; {cores()} cores may be used")
 
 
 def python() -> Finding:
-    """The interpreter."""
-    wrong = machine.wrong_system("linux", sys.version_info[:2])
+    """Check the Python version."""
+    wrong = requirements.wrong_system("linux", sys.version_info[:2])
     if wrong is not None:
         return Finding("Python", State.MISSING, wrong.what, wrong.command)
     return Finding("Python", State.OK, f"{platform.python_version()} at {sys.executable}")
 
 
 def packages() -> Finding:
-    """The Python packages that Executive declares, in versions that it was tested with."""
-    lacks = [*machine.missing_packages(), *machine.missing_parts()]
+    """Check the Python packages that Executive requires, and their versions."""
+    lacks = [*requirements.missing_packages(), *requirements.missing_parts()]
     if lacks:
         commands = dict.fromkeys(each.command for each in lacks)
         return Finding("packages", State.MISSING, "; ".join(each.what for each in lacks), " && ".join(commands))
@@ -161,7 +161,7 @@ def packages() -> Finding:
 
 
 def domains() -> Finding:
-    """The domains that come along, and the skills and relations that are registered for them and others."""
+    """Load the shipped domains, and list the registered skills and relations."""
     from executive.domain.loader import list_domains, load_domain
 
     for name in list_domains():
@@ -175,7 +175,7 @@ def domains() -> Finding:
 
 
 def planner() -> Finding:
-    """Fast Downward, asked for the plan of a problem that comes along."""
+    """Solve a shipped problem with Fast Downward."""
     from executive.domain.loader import load_domain
     from executive.planning.fast_downward import FastDownwardPlanner
     from executive.types import Facts, Plan
@@ -192,23 +192,23 @@ def planner() -> Finding:
 
 
 def opengl() -> Finding:
-    """What the cameras' pictures are drawn with."""
+    """Render a picture with OpenGL, as the cameras do."""
     try:
-        renderer = machine.settle_renderer() or "the system's"
-        lacks = machine.missing_libraries() if sys.platform == "linux" else []
+        renderer = requirements.settle_renderer() or "the system's"
+        lacks = requirements.missing_libraries() if sys.platform == "linux" else []
         if lacks:
             return Finding("OpenGL", State.MISSING, lacks[0].what, lacks[0].command)
         try:
             name = _trial("executive.sim.gl_probe")
         except _TrialError as error:
-            raise machine.cannot_draw(f"by {renderer}: {error}") from None
+            raise requirements.cannot_draw(f"by {renderer}: {error}") from None
     except InputError as error:
         return Finding("OpenGL", State.MISSING, str(error), f"unset {error.key}")
     return Finding("OpenGL", State.OK, f"{name}, by {renderer}")
 
 
 def vulkan() -> Finding:
-    """What the viewer draws with."""
+    """List the Vulkan devices, which the viewer renders with."""
     packages = f"{_sudo()}apt-get install -y mesa-vulkan-drivers libvulkan1"
     try:
         devices = json.loads(_trial("executive.trace.viewer.vulkan_probe"))
@@ -222,21 +222,21 @@ def vulkan() -> Finding:
 
 
 def display() -> Finding:
-    """Whether the viewer can open a window."""
-    if machine.has_display():
+    """Check whether the viewer can open a window."""
+    if requirements.has_display():
         return Finding("display", State.OK, "there is one")
     return Finding("display", State.LIMITED, "none: the viewer opens no window here", "executive inspect RUN --web")
 
 
 def model() -> Finding:
-    """The vision-language models that come along."""
+    """Check the shipped vision-language models."""
     from executive.app import estimators
     from executive.s3e.backends.checkpoint import CONFIG, inspect
 
     configs = sorted(estimators.SHIPPED.rglob(CONFIG)) if estimators.SHIPPED.is_dir() else []
     if not configs:
         own = "executive run DOMAIN --estimator vlm --vlm FOLDER"
-        return Finding("model", State.LIMITED, "none comes along: --estimator vlm needs one of yours", own)
+        return Finding("model", State.LIMITED, "none is shipped: --estimator vlm needs one of your own", own)
     try:
         whole = [inspect(config.parent, config.parent.name) for config in configs]
     except InputError as error:
@@ -249,10 +249,10 @@ def model() -> Finding:
 
 
 def gpu() -> Finding:
-    """What a model computes on."""
+    """Check which device models run on."""
     from executive.s3e.backends.loading import choose_device, native_bfloat16
 
-    names, device = machine.cuda_devices(), choose_device("auto")
+    names, device = requirements.cuda_devices(), choose_device("auto")
     torch = _version("torch") or ""
     if device == "cpu" and names:
         found = f"{', '.join(names)}, which torch {torch} does not use"
@@ -265,7 +265,7 @@ def gpu() -> Finding:
 
 
 def extras() -> Finding:
-    """Optional packages: what this distribution calls extras."""
+    """Check the optional packages (the distribution's extras)."""
     from executive.s3e.backends.packages import broken_torchvision, fitting_torchvision
 
     names = [name for name in _metadata().get_all("Provides-Extra") or () if name not in _FOR_DEVELOPERS]
@@ -290,7 +290,7 @@ def extras() -> Finding:
 
 
 def disk() -> Finding:
-    """Room for runs, and for what is written for a moment."""
+    """Check the free disk space for runs and temporary files."""
     runs = Path("runs").absolute()
     try:
         temporary = Path(tempfile.gettempdir())
@@ -313,24 +313,22 @@ def disk() -> Finding:
 
 
 def look() -> Finding:
-    """What a run begins with, all of it in one process and in its order: libraries may get along each by itself, and
-    end the process together."""
+    """Do what a run begins with, in one process and in the same order: native libraries may each work alone and crash
+    together."""
     try:
         return Finding("look", State.OK, _trial("executive.app.first_look", _LONG))
     except _TrialError as error:
         what, _, command = str(error).partition("; install it with: ")
-        report = (
-            f"{sys.executable} -X faulthandler -m executive.app.first_look"  # all that is known of it, for a report
-        )
+        report = f"{sys.executable} -X faulthandler -m executive.app.first_look"  # prints all there is for a bug report
         return Finding("look", State.MISSING, f"a run would fail at its first look: {what}", command or report)
 
 
 class _TrialError(Exception):
-    """A trial in a process of its own failed; says how in one line."""
+    """A trial in a process of its own failed; the message is one line."""
 
 
 def _trial(module: str, patience: float | None = None) -> str:
-    """What one of our modules prints when it is run."""
+    """Return what a module prints when it is run as a program."""
     command = [sys.executable, "-X", "faulthandler", "-m", module]
     patience = _PATIENCE if patience is None else patience
     try:
@@ -346,18 +344,18 @@ def _trial(module: str, patience: float | None = None) -> str:
 
 
 _RAISED = re.compile(r"(OSError|executive\.errors\.\w+): ")
-"""What Python writes before the message of an error that finishes the sentence."""
+"""What Python prints before the message of an error that is already a full sentence."""
 
 
 def _crash(number: int, stderr: str) -> str:
-    """The signal's name, and which Python file was at work: the first that is not the import machinery."""
+    """Return the signal's name and the Python file that was running: the first that is not the import machinery."""
     name = signal.Signals(number).name if number in {*signal.Signals} else f"signal {number}"
     files = re.findall(r'^  File "(?!<)([^"]+)", line (\d+)', stderr, re.MULTILINE)
     return f"{name} in {files[0][0]}:{files[0][1]}" if files else name
 
 
 def _required(extra: str = "") -> list[Requirement]:
-    """What this distribution requires on this machine, with an extra or without any."""
+    """Return what this distribution requires on this machine, for an extra or for none."""
     required = [Requirement(line) for line in _metadata().get_all("Requires-Dist") or ()]
     return [each for each in required if each.marker is None or each.marker.evaluate({"extra": extra})]
 
@@ -381,8 +379,8 @@ def _version(name: str) -> str | None:
         return None
 
 
-def _pip(requirements: Sequence[Requirement]) -> str:
-    wanted = dict.fromkeys(f"'{each.name}{each.specifier}'" for each in requirements)
+def _pip(packages: Sequence[Requirement]) -> str:
+    wanted = dict.fromkeys(f"'{each.name}{each.specifier}'" for each in packages)
     return f"{sys.executable} -m pip install {' '.join(wanted)}"
 
 
@@ -394,7 +392,7 @@ def _sudo() -> str:
 
 
 def tell(findings: Iterable[Finding], stream: TextIO) -> list[Finding]:
-    """Print each finding as it comes, and at the end what they amount to; returns them."""
+    """Print each finding as it comes and the verdict at the end, and return the findings."""
     from rich.text import Text
 
     from executive.trace.terminal.console import console_for
@@ -424,12 +422,12 @@ _MARKS = {
 
 
 def as_json(findings: Sequence[Finding]) -> dict[str, Any]:
-    """The findings as a JSON object."""
+    """Return the findings as a JSON object."""
     return {"executive": __version__, "ready": ready(findings), "findings": [asdict(each) for each in findings]}
 
 
 def as_markdown(findings: Sequence[Finding]) -> str:
-    """The findings as a block for a bug report. The home folder's name, which is a person's, is left out."""
+    """Return the findings as a Markdown block for a bug report, without the home folder's name, which is personal."""
     lines = [f"**executive {__version__}**", "", "| part | state | found |", "|---|---|---|"]
     lines += [f"| {each.part} | {each.state} | {_cell(each.found)} |" for each in findings]
     return "\n".join(lines)

@@ -1,6 +1,6 @@
-"""The eye, put together from a few words: which model looks, who words the questions, what it is told beside.
+"""Builds a vision-language estimator from its configuration: the model, the questions' translator, the instructions.
 
-What the commands `run` and `estimate` have in common. Everything that is built here could be built by hand from
+It is shared by the commands `run` and `estimate`. Everything that is built here can be built by hand from
 `executive.s3e`.
 """
 
@@ -35,31 +35,39 @@ from executive.util.files import home
 TRANSLATORS = ("templates", "llm", "none")
 
 DOMAIN, PAPER, NONE = "domain", "paper", "none"
-"""What `--instructions` says: those of the domain, those of the paper, none; anything else is a file."""
+"""The values of `--instructions`: the domain's own, the paper's, none; anything else is a file."""
 
 SHIPPED = Path(__file__).parents[1] / "models"
-"""Where the models are that come with Executive: `grocery-eye` for the domain grocery."""
+"""The folder of the models that come with Executive: `grocery-eye` for the domain grocery."""
 
 NO_MODEL = (
-    "no eye comes with the domain {name!r}: pass --vlm with a vision-language model's folder or id on the model hub, "
-    "or --server with the address of an OpenAI-compatible server that has one, or grow one: executive train {name} "
-    "--out {name}-eye (or do without: executive run {name} --estimator oracle)"
+    "no model comes with the domain {name!r}: pass --vlm with a vision-language model's folder or id on the model hub, "
+    "or --server with the address of an OpenAI-compatible server that has one, or train one: executive train {name} "
+    "--out {name}-eye (or use ground truth: executive run {name} --estimator oracle)"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class EstimatorConfig:
-    """What decides how an eye sees.
+    """The options of a vision-language estimator.
 
-    `vlm` is a checkpoint's folder or hub id, and without it the model that comes with the domain; with `server`,
-    the address of an OpenAI-compatible server, it is the name of a model there (without one, the only one there).
-    `translator` words the questions: the domain's templates, a language model (`llm`: a folder, a hub id, or a
-    model's name at the server; without one, the model at the server that looks), or nobody. `instructions` says
-    whether the model is told how things look, as far as the domain says it, or who says it instead: "paper" (for its
-    groceries, Appendix E.3), or a file. `per_image` asks about each picture on its own, `cameras` are those whose
-    pictures the model is shown, in this order; without any, all are. Without `abstention`, yes over yes and no is the
-    probability however little is on either. `calibration` is a file that corrects probabilities; without it, the one
-    beside the model's folder, if there is any.
+    Attributes:
+        vlm: a checkpoint's folder or hub id; without it, the model that comes with the domain. With `server`, a model's
+            name there (without it, the only one there).
+        server: the address of an OpenAI-compatible server.
+        translator: what words the questions: the domain's `templates`, a language model (`llm`), or `none`.
+        llm: the translator's language model: a folder, a hub id, or a model's name at the server; without it, the
+            server's model that also answers the questions.
+        instructions: descriptions of how things look that go into the prompt: True for the domain's, False for none,
+            "paper" for the paper's (for its groceries, Appendix E.3), or a file.
+        per_image: whether each picture is asked about on its own, and the probabilities are averaged.
+        calibration: a file that corrects probabilities; without it, the one in the model's folder, if there is one.
+        cameras: those whose pictures the model gets, in this order; without any, all.
+        abstention: whether an answer counts as none when little probability mass is on yes and no; without it, the
+            probability is yes / (yes + no) always.
+
+    Raises:
+        InputError: a value is not valid, or two options exclude each other.
     """
 
     vlm: str | None = None
@@ -81,21 +89,21 @@ class EstimatorConfig:
             hint = nearest(self.translator, TRANSLATORS)
             raise InputError(f"no translator {self.translator!r}; {hint}", key="--translator")
         if self.server is not None:
-            base_url(self.server)  # nothing that could be a secret goes into a run's record
+            base_url(self.server)  # refuses addresses with secrets, which would go into a run's record
         if self.llm is not None and self.translator != "llm":
             raise InputError("goes with --translator llm", key="--llm")
         if self.translator == "llm" and self.llm is None and self.server is None:
             raise InputError("needs --llm with a language model's folder or id", key="--translator llm")
 
     def words(self) -> list[str]:
-        """What is said of it on a command line."""
-        told = self.instructions if isinstance(self.instructions, str) else None
+        """Return the command-line arguments that stand for these options."""
+        instructions = self.instructions if isinstance(self.instructions, str) else None
         options = {
             "--vlm": self.vlm,
             "--server": self.server,
             "--translator": self.translator if self.translator != "templates" else None,
             "--llm": self.llm,
-            "--instructions": told,
+            "--instructions": instructions,
             "--cameras": ",".join(self.cameras) or None,
             "--calibration": self.calibration,
         }
@@ -104,14 +112,14 @@ class EstimatorConfig:
             "--per-image": self.per_image,
             "--no-abstention": not self.abstention,
         }
-        said = [word for name, value in options.items() if value is not None for word in (name, str(value))]
-        return [*said, *(flag for flag, given in flags.items() if given)]
+        words = [word for name, value in options.items() if value is not None for word in (name, str(value))]
+        return [*words, *(flag for flag, given in flags.items() if given)]
 
     def check_cameras(self, there: Collection[str]) -> None:
-        """Whether there are the cameras that are to be shown.
+        """Check that the scene has these cameras.
 
         Raises:
-            InputError: there is no such camera.
+            InputError: it lacks one of them.
         """
         for name in self.cameras:
             if name not in there:
@@ -119,13 +127,13 @@ class EstimatorConfig:
 
 
 def shipped(name: str) -> Path | None:
-    """The folder of the model that comes with a domain, or None."""
+    """Return the folder of the model that comes with a domain, or None."""
     folder = SHIPPED / f"{name}-eye"
     return folder if os.path.isfile(folder / "config.json") else None
 
 
-def settled(config: EstimatorConfig, subject: Subject) -> EstimatorConfig:
-    """The same with the model named, where the domain's own was meant.
+def with_default_model(config: EstimatorConfig, subject: Subject) -> EstimatorConfig:
+    """Return the options with the domain's shipped model filled in, where no model is named.
 
     Raises:
         InputError: no model comes with the domain.
@@ -139,25 +147,25 @@ def settled(config: EstimatorConfig, subject: Subject) -> EstimatorConfig:
 
 
 def open_estimator(config: EstimatorConfig, subject: Subject, load: Callable[[str], Backend] | None = None) -> S3E:
-    """Load or reach the model, and word the questions about the subject's atoms.
+    """Load the model or connect to its server, and word the questions about the subject's atoms.
 
     Args:
-        load: what opens a checkpoint by its folder or hub id; by default, it is loaded in this process.
+        load: a function that opens a checkpoint by its folder or hub id; by default, it is loaded in this process.
 
     Raises:
-        InputError: the model, the server, the calibration or the files of the domain are no such.
+        InputError: the model, the server, the calibration or a file of the domain is missing or damaged.
         MissingError: the model needs a package that is not installed.
     """
-    # What costs little and can be wrong comes first.
-    config = settled(config, subject)
+    # What is cheap to check comes first.
+    config = with_default_model(config, subject)
     calibration = load_calibration(config)
     instructions(config, subject)
     server = None if config.server is None else ChatServer(config.server, config.vlm)
     questions = word_questions(config, subject, server)
-    backend, odd = _backend(config, server, load)
+    backend, warning = _backend(config, server, load)
     return S3E(
         backend,
-        replace(questions, warnings=(*questions.warnings, odd)) if odd else questions,
+        replace(questions, warnings=(*questions.warnings, warning)) if warning else questions,
         cameras=config.cameras or None,
         views=Views.AVERAGED if config.per_image else Views.TOGETHER,
         least_mass=LEAST_MASS if config.abstention else 0.0,
@@ -166,22 +174,22 @@ def open_estimator(config: EstimatorConfig, subject: Subject, load: Callable[[st
 
 
 def load_calibration(config: EstimatorConfig) -> Calibration | None:
-    """The correction of the model's probabilities, if there is one.
+    """Load the calibration of the model's probabilities, if there is one.
 
     Raises:
-        InputError: the file is none.
+        InputError: the file is missing or damaged.
     """
     if config.calibration is not None:
         return Calibration.load(config.calibration)
-    beside = None if config.vlm is None or config.server is not None else home(config.vlm) / FILE
-    return Calibration.load(beside) if beside is not None and os.path.isfile(beside) else None
+    file = None if config.vlm is None or config.server is not None else home(config.vlm) / FILE
+    return Calibration.load(file) if file is not None and os.path.isfile(file) else None
 
 
 def word_questions(config: EstimatorConfig, subject: Subject, server: ChatServer | None = None) -> Questions:
-    """A question for every atom of the subject, under the system prompt that goes with them.
+    """Word a question for every atom of the subject, with the system prompt.
 
     Raises:
-        InputError: the domain's files, the language model or the server are no such.
+        InputError: a file of the domain, the language model or the server is missing or damaged.
     """
     task = subject.task
     templates = Templates.read(subject.questions) if subject.questions is not None else None
@@ -194,12 +202,12 @@ def word_questions(config: EstimatorConfig, subject: Subject, server: ChatServer
         else:
             writer = _writer(config, server)
             questions = LanguageModel(writer, domain, templates, cache=cache_folder()).translate(task)
-    told = instructions(config, subject)
-    return instruct(questions, told) if told else questions
+    text = instructions(config, subject)
+    return instruct(questions, text) if text else questions
 
 
 def instructions(config: EstimatorConfig, subject: Subject) -> str:
-    """What the model is told of how things look; "" for nothing.
+    """Return the prompt's instructions on how things look; "" for none.
 
     Raises:
         InputError: there is no such file, or a damaged one.
@@ -218,7 +226,7 @@ def instructions(config: EstimatorConfig, subject: Subject) -> str:
 
 
 def cache_folder() -> Path:
-    """Where what a language model wrote is kept for the next time."""
+    """Return the folder in which a language model's questions are cached."""
     from platformdirs import user_cache_path
 
     return user_cache_path("executive") / "questions"
@@ -227,7 +235,7 @@ def cache_folder() -> Path:
 def _backend(
     config: EstimatorConfig, server: ChatServer | None, load: Callable[[str], Backend] | None
 ) -> tuple[Backend, str]:
-    """What looks, and what is odd about it."""
+    """Return the backend, and a warning about it or ""."""
     if server is not None:
         from executive.s3e.backends.openai_backend import ServerBackend
 
@@ -235,7 +243,7 @@ def _backend(
         return there, there.check()
     from executive.s3e.backends.transformers_backend import TransformersBackend
 
-    assert config.vlm is not None  # EyeConfig saw to it
+    assert config.vlm is not None  # with_default_model has set it
     return (load or TransformersBackend)(config.vlm), ""
 
 
@@ -246,5 +254,5 @@ def _writer(config: EstimatorConfig, server: ChatServer | None) -> Writer:
         return ServerWriter(server if config.llm is None else ChatServer(config.server, config.llm))
     from executive.s3e.questions.text_model import LocalWriter
 
-    assert config.llm is not None  # EyeConfig saw to it
+    assert config.llm is not None  # EstimatorConfig has checked it
     return LocalWriter(config.llm)

@@ -1,9 +1,9 @@
-"""Does what every run begins with, in its order, and prints what came of it: the drivers are tried, everything is put
-together, the cameras' pictures are drawn, and the model that comes with the domain looks at them.
+"""Does what every run begins with, in the same order, and prints the result: tries the drivers, assembles the run,
+renders the cameras' pictures, and has the domain's shipped model answer questions about them.
 
     python -X faulthandler -m executive.app.first_look
 
-A program of its own, because libraries of machine code that do not get along end the process (see
+It is a program of its own because native libraries that are incompatible crash the process (see
 `executive.app.doctor`)."""
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from executive.util import requirements
 
 
 def look() -> str:
-    """What a run's first look comes to. No plan is made and nothing moves, so that nothing has to be compiled for it;
+    """Return a line about a run's first look. No plan is made and nothing moves, so that nothing has to be compiled;
     the run's folder is a temporary one.
 
     Raises:
-        RuntimeError: it has no answer to anything.
-        Exception: whatever a run raises that cannot begin.
+        RuntimeError: the look has no answers.
+        Exception: any error of a run that cannot begin.
     """
     requirements.require()
     with tempfile.TemporaryDirectory() as folder:
         config = RunConfig("grocery", problem="one-item", runs=Path(folder), viewer=False)
         with Run(config) as prepared:
-            eye, atoms = prepared.executive.estimator, prepared.domain.task.atoms
-            assert eye is not None  # the default is to look
+            estimator, atoms = prepared.executive.estimator, prepared.domain.task.atoms
+            assert estimator is not None  # the default is to look
             begin = time.perf_counter()
-            belief = eye.estimate(prepared.world.observe(), atoms)
+            belief = estimator.estimate(prepared.world.observe(), atoms)
             seconds = time.perf_counter() - begin
     if not belief.probability:
-        raise RuntimeError(f"{eye.name} answers none of {len(atoms)} questions")
-    name, told = eye.name.partition(":")[2], f"{len(belief.probability)} of {len(atoms)} questions"
-    return f"{name} answers {told} about a scene's pictures in {seconds:.1f} s"
+        raise RuntimeError(f"{estimator.name} answers none of {len(atoms)} questions")
+    name, count = estimator.name.partition(":")[2], f"{len(belief.probability)} of {len(atoms)}"
+    return f"{name} answers {count} questions about a scene's pictures in {seconds:.1f} s"
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
-"""A run whose process ended: how far it had come, by its record alone.
+"""Reads how far an interrupted run had come from its record.
 
-What such a run goes on with is less than it had: what it decided, it decides anew from what it sees. Kept are its
-counts, so that budgets hold and no chance is drawn twice; what the monitor remembers of its looks; and, of an executive
-that does not look, what it assumed.
+A resumed run keeps only a part of its state and decides everything else again from what it sees. It keeps its counts,
+so that budgets hold and no random number is drawn twice; the monitor's memory; and, in a blind run, what it assumed.
 """
 
 from __future__ import annotations
@@ -37,12 +36,12 @@ from executive.types import (
 )
 
 UNFINISHED = (OutcomeKind.INTERRUPTED, OutcomeKind.CRASHED)
-"""Ends after which a run can go on, as if its process had been killed."""
+"""Outcomes after which a run can be resumed, as if its process had been killed."""
 
 
 def remembered(events: Iterable[Event], monitor: Monitor) -> Memory:
-    """What a monitor makes of the looks that some events tell of, and of what was done between them; and that since
-    then anything may have happened."""
+    """Return the monitor's memory after the looks and actions in `events`, and after a time in which anything may have
+    changed."""
     memory, raw = monitor.begin(), None
     for event in events:
         match event.payload:
@@ -60,11 +59,11 @@ class PastRun:
     """How far a run had come.
 
     Attributes:
-        started: what it began as; None for one that was killed before it could record even that.
+        started: its first event; None for a run that was killed before recording it.
         cycle, actions, looks, plans: how many there were. The last action may have been cut off.
-        observations: the number of the next observation.
-        wall: the seconds that it took so far, all its processes together.
-        ended: its end, if it came to one that is the last thing in the record.
+        observations: the id of the next observation.
+        wall: the wall seconds of all its processes together.
+        ended: its last event, if the run ended.
     """
 
     folder: Path
@@ -79,10 +78,10 @@ class PastRun:
 
     @classmethod
     def of(cls, folder: Path) -> PastRun:
-        """Read it from the run's folder.
+        """Read the run's folder.
 
         Raises:
-            InputError: a line of the record is no event.
+            InputError: a line of the record is not an event.
         """
         if not os.path.exists(folder / EVENTS_FILE):
             return cls(folder)
@@ -101,49 +100,48 @@ class PastRun:
 
     @property
     def is_over(self) -> bool:
-        """Whether it came to an end of its own."""
+        """Whether the run ended by itself."""
         return self.ended is not None and self.ended.outcome not in UNFINISHED
 
     def check(self, task: Task) -> None:
-        """That the run was about this task.
+        """Check that the run had this task.
 
         Raises:
-            InputError: it was about another one.
+            InputError: it had another one.
         """
         if self.started is not None and decode(Task, encode(task)) != self.started.task:
-            raise InputError("its domain has changed since; what the record tells is of another task", file=self.folder)
+            raise InputError("the domain has changed since: the record has another task", file=self.folder)
 
     def events(self, images: bool = False) -> Iterable[Event]:
-        """All that was recorded."""
+        """Return all recorded events."""
         return read_events(self.folder, images) if self.started is not None else ()
 
     def restore(self, world: World) -> int:
-        """Have a world be as the last readable snapshot has it, and return the cycle that it was taken in.
+        """Restore a world from the last readable snapshot, and return the snapshot's cycle.
 
         Raises:
-            InputError: there is none.
+            InputError: there is no readable snapshot.
         """
-        mistake = InputError("there is no snapshot of the world to go on from", file=self.folder / snapshots.FOLDER)
+        mistake = InputError("there is no snapshot of the world to resume from", file=self.folder / snapshots.FOLDER)
         for cycle, data in snapshots.latest(self.folder):
             try:
                 world.restore(data)
-            except InputError as error:  # a power cut may cost the last one
+            except InputError as error:  # a power cut may damage the last one
                 mistake = InputError(error.message, file=self.folder / snapshots.FOLDER)
                 continue
             return cycle
         raise mistake
 
     def resumed(self, cycle: int) -> Resumed:
-        """The event that the run goes on with, in a world as it was in `cycle`. The plan that it is going to need takes
-        the place of the one that it had."""
+        """Return the event that the run resumes with, in the world of `cycle`; its next plan replaces its last one."""
         return Resumed(cycle, self.cycle, self.actions, self.plans, self.looks, self.wall)
 
     def memory(self, monitor: Monitor) -> Memory:
-        """What the monitor makes of the recorded looks. What has become of the world since, nobody knows."""
+        """Return the monitor's memory after the recorded looks and a time in which the world may have changed."""
         return remembered(self.events(), monitor)
 
     def assumed(self) -> Facts:
-        """What an executive that does not look took to be true."""
+        """Return the facts that a blind run assumed."""
         known = Facts()
         for event in self.events():
             match event.payload:

@@ -1,5 +1,5 @@
-"""From a configuration to a finished run: the one place where domain, world, skills, planner, estimator, faults and
-sinks are put together. Everything that it builds could be built by hand; see README, "In Python"."""
+"""Assembles and executes a run from its configuration: the one place where domain, world, skills, planner, estimator,
+monitor, faults and sinks come together. Everything that it builds can be built by hand; see README, "In Python"."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from executive.app.config import CONFIG, ESTIMATORS, RunConfig, check_folder, make_folder, read_config
-from executive.app.estimators import EstimatorConfig, open_estimator, settled
+from executive.app.estimators import EstimatorConfig, open_estimator, with_default_model
 from executive.app.monitors import open_monitor
 from executive.app.resume import PastRun
 from executive.core.attention import Attention
@@ -64,31 +64,31 @@ __all__ = [
 
 
 class Run:
-    """One run, put together and ready to `execute`. A context manager that frees what it holds.
+    """One assembled run, ready to `execute`. A context manager that frees what it holds.
 
     Args:
-        seeing: the eye of an estimator "vlm", where it is open already.
-        view: the address of a Rerun viewer that is to show the run while it goes on.
-        folder: that of a run which is to go on there (see `resume`); without it, one is made.
+        vlm: an opened estimator for the configuration's "vlm"; without it, one is opened.
+        view: the address of a Rerun viewer that shows the run live.
+        folder: the folder of a run to resume (see `resume`); without it, a new folder is made.
 
     Raises:
         DomainError: the domain folder has a mistake.
-        InputError: the configuration has one, or the run's folder exists; or the run in `folder` cannot go on.
-        MissingError: the machine lacks something.
+        InputError: the configuration has one, or the run's folder exists; or the run in `folder` cannot be resumed.
+        MissingError: the machine lacks a package or a library.
     """
 
     def __init__(
         self,
         config: RunConfig,
         sinks: Sequence[Sink] = (),
-        seeing: S3E | None = None,
+        vlm: S3E | None = None,
         view: str | None = None,
         folder: Path | None = None,
     ) -> None:
         self.config = config
         if folder is None:
             check_folder(config)
-        log = None if folder is None else EventLog(folder, self._unrecorded)  # from here on it is ours
+        log = None if folder is None else EventLog(folder, self._stop_recording_failed)  # locks the folder
         self._past = None if folder is None else PastRun.of(folder)
         self.domain = load_domain(config.domain, config.problem)
         stage = checked_stage(self.domain)
@@ -100,25 +100,25 @@ class Run:
 
             config.eye.check_cameras([camera.name for camera in read_scene(self.domain.scene).cameras])
         planner = FastDownwardPlanner(self.domain.parsed)
-        planner.warm_up()  # meanwhile all else is made
-        eye = None
+        planner.warm_up()  # in the background
+        estimator_config = None
         if config.estimator == "vlm":
-            eye = settled(config.eye or EstimatorConfig(), self.domain.subject)
+            estimator_config = with_default_model(config.eye or EstimatorConfig(), self.domain.subject)
         self.monitor = None
         if config.estimator != "none":
-            patience = min(30.0, config.patience, config.settings().max_seconds)
-            self.monitor = open_monitor(config.monitor, self.domain, eye, patience)
-        # A model takes long to load and may be none: before anything that would have to be undone.
-        if eye is not None and seeing is None:
-            seeing = open_estimator(eye, self.domain.subject)
+            seconds = min(30.0, config.patience, config.settings().max_seconds)
+            self.monitor = open_monitor(config.monitor, self.domain, estimator_config, seconds)
+        # Loading a model takes long and may fail: it comes before anything that would have to be undone.
+        if estimator_config is not None and vlm is None:
+            vlm = open_estimator(estimator_config, self.domain.subject)
         first_observation = 0 if self._past is None else self._past.observations
         self.world, self.truth = _stage(self.domain, config, injected, first_observation, stage)
         self._too_large = _too_large(self.domain, self.world, self.truth)
         self.folder = make_folder(config, self.domain) if folder is None else folder
         self._collector = Collector()
         try:
-            self.executive = self._put_together(planner, injected, seeing, sinks, view, log)
-        except BaseException:  # Ctrl-C, too: a run that never began leaves no folder
+            self.executive = self._assemble(planner, injected, vlm, sinks, view, log)
+        except BaseException:  # Ctrl-C too: a run that never began leaves no folder
             if folder is None:
                 shutil.rmtree(self.folder, ignore_errors=True)
             raise
@@ -135,16 +135,16 @@ class Run:
         requirements.give_back_memory()
 
     def cancel(self, why: str = INTERRUPTED) -> None:
-        """Have the arm stop and the run end as interrupted; safe to call from a signal handler."""
+        """Stop the arm and end the run as interrupted; safe to call from a signal handler."""
         self.executive.cancel(why)
 
-    def _unrecorded(self, why: str) -> None:
-        """Nothing happens that cannot be recorded: the run ends, and can be resumed once there is room again."""
+    def _stop_recording_failed(self, why: str) -> None:
+        """End the run because its record cannot be written; it can be resumed once there is room again."""
         self.executive.cancel(why)
 
     def execute(self) -> Summary:
-        """Carry the task out, score it by the simulator's truth, and write `summary.json`."""
-        if self._past is None or not self._past.is_over:  # else it was killed between its end and its summary
+        """Execute the task, score the result against ground truth, and write `summary.json`."""
+        if self._past is None or not self._past.is_over:  # otherwise it was killed between its end and its summary
             self.executive.run()
         goal = self.domain.task.goal
         goal_true = self.truth.of(tuple(goal)).entails(goal)
@@ -152,19 +152,19 @@ class Run:
         write_summary(self.folder, summary)
         return summary
 
-    def _put_together(
+    def _assemble(
         self,
         planner: FastDownwardPlanner,
         injected: Sequence[Fault],
-        seeing: S3E | None,
+        vlm: S3E | None,
         sinks: Sequence[Sink],
         view: str | None,
         log: EventLog | None,
     ) -> Executive:
         config = self.config
         recorders: list[Sink] = [
-            Snapshots(self.folder, self.world, self._unrecorded),
-            log or EventLog(self.folder, self._unrecorded),
+            Snapshots(self.folder, self.world, self._stop_recording_failed),
+            log or EventLog(self.folder, self._stop_recording_failed),
             self._collector,
         ]
         if config.viewer:
@@ -174,19 +174,19 @@ class Run:
         if self.monitor is not None:
             monitor_file.save(self.folder, self.monitor)
         self._sinks = (*recorders, *sinks)
-        run_state = self._go_on()
-        estimator, initial = _eye(self.domain, config, self.truth, seeing)
+        run_state = self._restore()
+        estimator, initial = _estimator(self.domain, config, self.truth, vlm)
         faults = FaultInjector(injected, self.world, config.seed)
         skills, moves = load_skills(self.domain), load_moves(self.domain)
         preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
         return Executive(
             self.domain.task,
-            punctual_planner(faulty_planner(self._fitting(planner), faults), config.patience),
+            punctual_planner(faulty_planner(self._feasible(planner), faults), config.patience),
             faulty_world(self.world, faults),
-            punctual_skills(faulty_skills(skills, faults), config.patience, left=self._left),
+            punctual_skills(faulty_skills(skills, faults), config.patience, left=self._seconds_left),
             None
             if estimator is None
-            else punctual_estimator(faulty_estimator(estimator, faults), config.patience, self._left),
+            else punctual_estimator(faulty_estimator(estimator, faults), config.patience, self._seconds_left),
             sinks=self._sinks,
             settings=config.settings(),
             faults=faults,
@@ -197,25 +197,25 @@ class Run:
             attention=load_attention(self.domain, self.world, () if config.eye is None else config.eye.cameras),
             moves=moves,
             run_state=run_state,
-            prepare=punctual_preparing(preparing, self._left),
+            prepare=punctual_preparing(preparing, self._seconds_left),
         )
 
-    def _left(self) -> float:
-        """How many wall seconds the run still has; asked while it goes on."""
+    def _seconds_left(self) -> float:
+        """Return how many wall seconds the run has left."""
         return self.executive.seconds_left
 
-    def _fitting(self, planner: Planner) -> Planner:
-        """The planner, of whose plans none puts anything where it does not fit."""
+    def _feasible(self, planner: Planner) -> Planner:
+        """Return the planner without steps that put an item on a table it does not fit on."""
         if not self._too_large:
             return planner
-        return _FittingPlanner(planner, self.domain.parsed.giving(self._too_large), self._too_large)
+        return _FeasiblePlanner(planner, self.domain.parsed.giving(self._too_large), self._too_large)
 
-    def _go_on(self) -> RunState | None:
-        """Have the world be what it was when the run's process ended, and the sinks know what happened until then; how
-        the run stands, if there was one.
+    def _restore(self) -> RunState | None:
+        """Restore the world from its last snapshot, replay the record to the sinks, and return the run state; None for
+        a new run.
 
         Raises:
-            InputError: there is no snapshot of the world to go on from.
+            InputError: there is no snapshot of the world to resume from.
         """
         past, task = self._past, self.domain.task
         if past is None or past.started is None:
@@ -231,54 +231,54 @@ class Run:
 
 
 def run(config: RunConfig, sinks: Sequence[Sink] = ()) -> Summary:
-    """Put a run together and carry it out."""
+    """Assemble a run and execute it."""
     with Run(config, sinks) as prepared:
         return prepared.execute()
 
 
 def resume(folder: Path, sinks: Sequence[Sink] = (), view: str | None = None) -> Run:
-    """A run whose process ended before the run did, ready to go on in its folder: the simulated world is what the last
-    snapshot has it be, the robot looks first, and what is done is not done again.
+    """Assemble a run whose process ended before the run did, so that it continues in its folder: the simulated world is
+    that of the last snapshot, the robot looks first, and nothing that is done is done again.
 
     Raises:
-        InputError: it came to an end of its own, another process is at work on it, or it is no such folder.
+        InputError: the run has ended by itself, another process is executing it, or `folder` is no run's folder.
     """
     config, past = read_config(folder), PastRun.of(folder)
     if past.ended is not None and past.is_over and (folder / SUMMARY_FILE).exists():
-        raise InputError(f"this run has come to its end: {past.ended.outcome}", file=folder)
+        raise InputError(f"the run has ended: {past.ended.outcome}", file=folder)
     return Run(config, sinks, view=view, folder=folder)
 
 
-class _FittingPlanner:
-    """Does without the steps that would bring about what cannot be, and says of a goal that is such why it cannot."""
+class _FeasiblePlanner:
+    """Plans without infeasible steps, and explains why a goal that needs them is unsolvable."""
 
-    def __init__(self, planner: Planner, never: frozenset[Step], why: Mapping[Atom, str]) -> None:
-        self._planner, self._never, self._why = planner, never, why
+    def __init__(self, planner: Planner, infeasible: frozenset[Step], why: Mapping[Atom, str]) -> None:
+        self._planner, self._infeasible, self._why = planner, infeasible, why
 
     def plan(
         self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
-        answer = self._planner.plan(state, goal, avoid | self._never, seconds)
+        result = self._planner.plan(state, goal, avoid | self._infeasible, seconds)
         why = [self._why[atom] for atom in sorted(goal.true & self._why.keys()) if not state.get(atom)]
-        if isinstance(answer, NoPlan) and answer.reason is NoPlanReason.UNSOLVABLE and why:
-            return replace(answer, detail="; ".join(why))
-        return answer
+        if isinstance(result, NoPlan) and result.reason is NoPlanReason.UNSOLVABLE and why:
+            return replace(result, detail="; ".join(why))
+        return result
 
 
 def load_skills(domain: Domain) -> Mapping[str, Skill]:
-    """Each action's skill, from the entry-point group `executive.skills`."""
+    """Load each action's skill from the entry-point group `executive.skills`."""
     points = {point.name: point for point in entry_points(group="executive.skills")}
     return {action: points[skill].load() for action, skill in domain.skills.items()}
 
 
 def load_moves(domain: Domain) -> Mapping[str, Skill]:
-    """The skills that bring the arm out of the way, in turn, from the same group."""
+    """Load the skills that move the arm out of the cameras' view, in order, from the same entry-point group."""
     points = {point.name: point for point in entry_points(group="executive.skills")}
     return {name: points[name].load() for name in domain.looking.moves}
 
 
 def load_attention(domain: Domain, world: MujocoWorld, shown: Sequence[str] = ()) -> Attention:
-    """Where to look for what; through the cameras that are `shown` alone, if any are named.
+    """Build the domain's attention (which cameras show which atoms), limited to the cameras in `shown`, if there are any.
 
     Raises:
         DomainError: the domain names a camera that the scene does not have.
@@ -294,10 +294,10 @@ def load_attention(domain: Domain, world: MujocoWorld, shown: Sequence[str] = ()
 
 
 def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
-    """What is to be broken, of what there is in this problem and its scene.
+    """Parse fault specifications, and check their names against the problem and its scene.
 
     Raises:
-        InputError: it is no such fault, or names what is not there.
+        InputError: a specification is malformed, or names something that the scene does not have.
     """
     from executive.sim.spec import read_scene
 
@@ -308,11 +308,11 @@ def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
 
 
 def checked_stage(domain: Domain) -> Setting:
-    """How the problem begins in the domain's scene, once it is certain that its predicates and what it says of the
-    beginning make sense there.
+    """Return the problem's initial setting in the domain's scene, after checking that its predicates and :init are
+    meaningful there.
 
     Raises:
-        DomainError: they do not.
+        DomainError: they are not.
     """
     from executive.sim.initial_state import read_setting
     from executive.sim.relation_kinds import check_kinds, read_meanings
@@ -326,10 +326,10 @@ def checked_stage(domain: Domain) -> Setting:
 
 
 def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom, str]:
-    """The atoms that cannot be brought about because an item is larger than the table, and why.
+    """Return the atoms that cannot be made true because an item is larger than the table, each with the reason.
 
     Raises:
-        DomainError: nothing of the goal could be reached.
+        DomainError: no atom of the goal can be reached.
     """
     from executive.sim.initial_state import too_large
 
@@ -344,7 +344,7 @@ def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom
 def _stage(
     domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int, setting: Setting
 ) -> tuple[MujocoWorld, Truth]:
-    """The world, as the problem's :init has it begin; the robot has to see that for itself."""
+    """Build the world in the state of the problem's :init, which the robot is not given."""
     from executive.sim.initial_state import check_setting
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
@@ -372,14 +372,14 @@ def _stage(
     return world, truth
 
 
-def _eye(
-    domain: Domain, config: RunConfig, truth: Truth, seeing: Estimator | None
+def _estimator(
+    domain: Domain, config: RunConfig, truth: Truth, vlm: Estimator | None
 ) -> tuple[Estimator | None, Facts | None]:
-    """The estimator; for the blind baseline none, and what it is told instead."""
+    """Return the run's estimator; for the blind baseline None, and the true initial state instead."""
     if config.estimator == "none":
         return None, truth.of(domain.task.atoms)
-    if seeing is not None:
-        return seeing, None
+    if vlm is not None:
+        return vlm, None
     from executive.sim.truth import Oracle
 
     return Oracle(truth), None

@@ -101,14 +101,14 @@ def _opened(wanted: MonitorConfig, folder: Path, record: Record) -> Monitor:
     if wanted.threshold is not None:
         return ThresholdMonitor(record.started.task.atoms, Thresholds(wanted.threshold, wanted.threshold))
     from executive.app.config import read_config
-    from executive.app.estimators import EstimatorConfig, settled
+    from executive.app.estimators import EstimatorConfig, with_default_model
     from executive.domain.loader import load_domain
 
     config = read_config(folder)
     domain = load_domain(config.domain, config.problem)
     if domain.task.atoms != record.started.task.atoms:
         raise InputError("was another task when it was recorded; only --threshold needs none", file=domain.folder)
-    eye = settled(config.eye or EstimatorConfig(), domain.subject) if config.estimator == "vlm" else None
+    eye = with_default_model(config.eye or EstimatorConfig(), domain.subject) if config.estimator == "vlm" else None
     return open_monitor(wanted, domain, eye)
 
 

@@ -1,4 +1,4 @@
-"""Processes that are spawned to work for this one: they hear no order to end, and they leave with it."""
+"""Worker processes that ignore termination signals and exit with their parent process."""
 
 from __future__ import annotations
 
@@ -11,41 +11,42 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-ORDERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What asks a process to end. The first process hears it, and ends those that work for it."""
+TERMINATION_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that ask a process to end. Only the parent handles them, and ends its workers."""
 
 _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG, of Linux's prctl."""
 
 
-def settle(last: Callable[[], object] | None = None) -> None:
-    """Have this process, which was spawned under `deaf`, hear no order to end, and leave with its parent however that
-    ends: one whose parent was killed would wait for work for ever, or go on writing. To be called first of all.
+def exit_with_parent(last: Callable[[], object] | None = None) -> None:
+    """Have this process, which was spawned under `block_signals`, ignore termination signals and exit when its parent
+    ends, however that happens: a worker whose parent was killed would wait for work for ever, or go on writing. It has
+    to be called first of all.
 
     Args:
-        last: done before it leaves. Without it, the system ends it at once where it can (Linux).
+        last: called before the process exits. Without it, the kernel kills the process at once where it can (Linux).
     """
-    # Handlers that do nothing, unlike signals that are ignored, are not handed down to programs started from here.
-    for each in ORDERS:
-        signal.signal(each, _unheard)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, ORDERS)
+    # Handlers that do nothing, unlike ignored signals, are not inherited by programs that are started from here.
+    for each in TERMINATION_SIGNALS:
+        signal.signal(each, _ignore)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, TERMINATION_SIGNALS)
     if last is None:
         _die_with_parent()
-    threading.Thread(target=_leave_with_parent, args=(last,), name="parent", daemon=True).start()
+    threading.Thread(target=_wait_for_parent, args=(last,), name="parent", daemon=True).start()
 
 
 @contextmanager
-def deaf() -> Iterator[None]:
-    """Have a process that is spawned meanwhile hear no order to end from its first moment on. What comes to this
-    process in the meantime is heard afterwards."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ORDERS)
+def block_signals() -> Iterator[None]:
+    """Block termination signals, so that a process spawned meanwhile never receives one. Signals to this process are
+    delivered afterwards."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION_SIGNALS)
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _unheard(number: int, frame: FrameType | None) -> None:
+def _ignore(number: int, frame: FrameType | None) -> None:
     """Nothing."""
 
 
@@ -61,7 +62,7 @@ def _die_with_parent() -> None:
         os._exit(1)
 
 
-def _leave_with_parent(last: Callable[[], object] | None) -> None:
+def _wait_for_parent(last: Callable[[], object] | None) -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -23,13 +23,13 @@ def test_it_is_drawn(tmp_path: Path) -> None:
 
 FREED = """
 from benchmarks import memory
-from executive.util import requirements as machine
+from executive.util import requirements
 before = memory.resident()
 blocks = [bytearray(100_000) for _ in range(3000)]
 last = bytearray(100_000)  # at the end of the heap: what lies before it is not given back without being asked
 full = memory.resident()
 del blocks
-machine.give_back_memory()
+requirements.give_back_memory()
 print(full - before, memory.resident() - before)
 """
 """Blocks below the size that the C library maps by itself, which stay with it until it is told."""

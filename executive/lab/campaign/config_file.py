@@ -39,7 +39,7 @@ from typing import NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from executive.app.estimators import EstimatorConfig, settled
+from executive.app.estimators import EstimatorConfig, with_default_model
 from executive.app.monitors import PRESETS, MonitorConfig, preset
 from executive.app.run import ESTIMATORS, parse_faults
 from executive.domain.loader import load_domain
@@ -72,7 +72,7 @@ def check(episodes: Iterable[Episode]) -> None:
     """
     eyes = {(each.place, each.contender.eye) for each in episodes if each.contender.kind == "vlm"}
     for place, eye in sorted(eyes, key=str):
-        settled(eye or EstimatorConfig(), load_domain(place.where, place.which).subject)
+        with_default_model(eye or EstimatorConfig(), load_domain(place.where, place.which).subject)
 
 
 class _Table(BaseModel):
@@ -239,7 +239,7 @@ class _Reader:
         folders = {}
         for place in self._said.domains:
             with suppress(InputError):  # no model comes with the domain; `check` says so when one is needed
-                found = settled(eye, load_domain(str(self._beside(place.domain))).subject)
+                found = with_default_model(eye, load_domain(str(self._beside(place.domain))).subject)
                 folders[found.vlm] = found.server is None
         digests = (model_digest(home(folder)) for folder, here in folders.items() if folder and here)
         return eye, " ".join(filter(None, digests))

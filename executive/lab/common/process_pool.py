@@ -22,7 +22,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Generic, Protocol, TypeVar
 
 from executive.errors import ExecutiveError
-from executive.util.processes import deaf, settle
+from executive.util.processes import block_signals, exit_with_parent
 from executive.util.threads import cores, shared_by
 
 TRIES = 3
@@ -210,7 +210,7 @@ class ProcessPool(Generic[J, V]):
     def _start_worker(self) -> _Worker[J]:
         ours, theirs = self._context.Pipe()
         arguments = (theirs, pickle.dumps(self._prepare))
-        with deaf(), shared_by(self._jobs, self._single_threaded):
+        with block_signals(), shared_by(self._jobs, self._single_threaded):
             process = self._context.Process(target=_work, args=arguments)
             process.start()
         theirs.close()
@@ -260,7 +260,7 @@ def _work(connection: Connection, prepare: bytes) -> None:
         prepare: pickled, because unpickling may import much, and this process has to end with its parent before that.
     """
     os.setsid()  # its own process group, which is killed as a whole
-    settle()
+    exit_with_parent()
     works: list[Work[object, object]] = []
 
     def once(job: object) -> object:

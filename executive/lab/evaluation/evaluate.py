@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from executive.app.estimators import EstimatorConfig, load_calibration, open_estimator, settled
+from executive.app.estimators import EstimatorConfig, load_calibration, open_estimator, with_default_model
 from executive.domain.loader import Domain, Subject, load_domain, load_subject
 from executive.errors import InputError
 from executive.lab.collection import dataset
@@ -197,7 +197,7 @@ class Evaluator:
             _check_scene(self._drawing, self._manifest, warn)
         self._seen = _Seen(config, self.subject, self._drawing)
         self.published = published.read(self.subject.pddl.parent)
-        settled(config.eye, self.subject)
+        with_default_model(config.eye, self.subject)
         for line in self._seen.warnings:
             warn(line)
         self.atoms = self.subject.task.atoms
@@ -317,7 +317,7 @@ class Evaluator:
             "version": version_of("executive"),
             "command": command,
             "data": self._manifest["collection"],
-            "model": [opened.name, _files_of(settled(self.config.eye, self.subject))],
+            "model": [opened.name, _files_of(with_default_model(self.config.eye, self.subject))],
             "asked": dataset.digest({"told": told}),
         }
 
@@ -333,7 +333,7 @@ class Evaluator:
             "problem": self.subject.task.problem,
             "data": {"folder": config.data.name, "seed": collection.get("seed"), "home_pose": at_home},
             "model": model,
-            "calibrated": load_calibration(settled(config.eye, self.subject)) is not None,
+            "calibrated": load_calibration(with_default_model(config.eye, self.subject)) is not None,
             "translator": config.eye.translator,
             "instructions": instructed,
             "per_image": config.eye.per_image,

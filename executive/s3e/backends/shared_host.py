@@ -23,7 +23,7 @@ from executive.errors import ExecutiveError
 from executive.s3e.backends.interface import Backend, Look
 from executive.s3e.backends.shared_client import Address, Ask, Count, Free, Open, Take
 from executive.s3e.backends.transformers_backend import TransformersBackend
-from executive.util.processes import deaf, settle
+from executive.util.processes import block_signals, exit_with_parent
 from executive.util.threads import shared_by
 
 _LONGEST = 60
@@ -82,7 +82,7 @@ class ModelHost:
         Path(self.address.path).unlink(missing_ok=True)
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe(duplex=False)
-        with deaf(), shared_by(1, alone=True), ours:
+        with block_signals(), shared_by(1, alone=True), ours:
             self._process = context.Process(target=_hold, args=(self.address, self._load, theirs), daemon=True)
             self._process.start()
             theirs.close()
@@ -172,7 +172,7 @@ class _Holder:
 
 def _hold(address: Address, load: Callable[[str], Backend], ready: Connection) -> None:
     """What the process does."""
-    settle(partial(shutil.rmtree, Path(address.path).parent, ignore_errors=True))
+    exit_with_parent(partial(shutil.rmtree, Path(address.path).parent, ignore_errors=True))
     holder = _Holder(load)
     with Listener(address.path, "AF_UNIX", backlog=64, authkey=address.key) as listener:
         with ready:

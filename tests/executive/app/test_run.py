@@ -33,10 +33,10 @@ def prepared(tmp_path: Path) -> Iterator[Prepared]:
     """Puts a run together in a folder of its own, without the viewer's file unless that is asked for."""
     made: list[Run] = []
 
-    def prepare(domain: Path = GROCERY, seeing: Any = None, **options: Any) -> tuple[Run, Recorder]:
+    def prepare(domain: Path = GROCERY, vlm: Any = None, **options: Any) -> tuple[Run, Recorder]:
         recorder = Recorder()
         config = replace(RunConfig(str(domain), estimator="oracle", runs=tmp_path / "runs", viewer=False), **options)
-        made.append(Run(config, [recorder], seeing))
+        made.append(Run(config, [recorder], vlm))
         return made[-1], recorder
 
     yield prepare
@@ -109,7 +109,7 @@ def test_the_loop_never_asks_for_the_truth(prepared: Prepared, monkeypatch: pyte
     def forbidden(*_: object) -> Facts:
         raise AssertionError("the truth is not for the robot")
 
-    run, seen = prepared(problem="one-item", seeing=Scripted())
+    run, seen = prepared(problem="one-item", vlm=Scripted())
     monkeypatch.setattr(Truth, "of", forbidden)  # before, the stage was set and checked
     ended = run.executive.run()
     assert ended.goal_seen

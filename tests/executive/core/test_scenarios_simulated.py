@@ -62,8 +62,8 @@ def prepared(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Prepare
     def prepare(problem: str = "one-item", **options: Any) -> tuple[Run, Recorder]:
         recorder = Recorder()
         config = RunConfig("grocery", problem, estimator=request.param, runs=tmp_path / "runs", viewer=False)
-        seeing = shipped(problem) if request.param == "vlm" else None
-        made.append(Run(replace(config, **options), [recorder], seeing))
+        vlm = shipped(problem) if request.param == "vlm" else None
+        made.append(Run(replace(config, **options), [recorder], vlm))
         return made[-1], recorder
 
     yield prepare

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.app.estimators import EstimatorConfig, open_estimator, settled, shipped
+from executive.app.estimators import EstimatorConfig, open_estimator, shipped, with_default_model
 from executive.app.run import Run, RunConfig
 from executive.domain.loader import load_domain
 from executive.lab.training.scene_sampler import SceneSampler
@@ -43,8 +43,8 @@ def test_transformers_alone_loads_it(folder: Path) -> None:
 
 
 def test_it_is_what_is_meant_where_no_model_is_named(folder: Path) -> None:
-    assert settled(EstimatorConfig(), DOMAIN.subject).vlm == str(folder)
-    assert settled(EstimatorConfig(vlm="elsewhere"), DOMAIN.subject).vlm == "elsewhere"
+    assert with_default_model(EstimatorConfig(), DOMAIN.subject).vlm == str(folder)
+    assert with_default_model(EstimatorConfig(vlm="elsewhere"), DOMAIN.subject).vlm == "elsewhere"
 
 
 class Moments:

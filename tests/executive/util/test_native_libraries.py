@@ -74,7 +74,7 @@ def triton(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     "statement",
     [
-        "egl = True; from executive.util import requirements as machine; machine.egl_trouble()",
+        "egl = True; from executive.util import requirements; requirements.egl_trouble()",
         "from executive.sim import gl_probe as probe" + RENDERER + "probe.draw()",
         f"from executive.sim import rendering as drawing{RENDERER}drawing.make_renderer({MODEL}, 8, 8)",
     ],

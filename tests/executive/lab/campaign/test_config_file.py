@@ -183,7 +183,7 @@ def test_a_model_is_asked_for_when_there_is_something_for_it_to_see(tmp_path: Pa
     made = read_campaign(written(tmp_path, HEAD + "[estimators]\noracle = {}\nvlm = {}\n"))
     episodes = list(made.episodes())
     check([episode for episode in episodes if str(episode.contender) == "oracle"])
-    with pytest.raises(InputError, match="no eye comes with the domain 'tray'"):
+    with pytest.raises(InputError, match="--vlm.*tray-eye"):
         check(episodes)
 
 

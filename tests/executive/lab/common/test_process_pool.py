@@ -188,9 +188,9 @@ def gone(pid: int, patience: float = 20.0) -> bool:
 
 
 def test_an_order_that_comes_while_a_process_is_spawned_is_not_lost() -> None:
-    from executive.util.processes import deaf
+    from executive.util.processes import block_signals
 
-    with pytest.raises(KeyboardInterrupt), deaf():
+    with pytest.raises(KeyboardInterrupt), block_signals():
         os.kill(os.getpid(), signal.SIGINT)
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
