@@ -187,7 +187,7 @@ def _written(value: object) -> object:
 
 
 def _settings(config: RunConfig | EstimatorConfig | MonitorConfig) -> list[str]:
-    """Return a line for each option that is set. JSON strings, numbers, booleans and arrays of strings are TOML, too."""
+    """Return a line for each option that is set, as TOML: JSON strings, numbers, booleans and arrays of them are."""
     values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
     return [
         f"{name} = {json.dumps(_written(value))}".replace("\x7f", "\\u007f")

@@ -278,7 +278,7 @@ def load_moves(domain: Domain) -> Mapping[str, Skill]:
 
 
 def load_attention(domain: Domain, world: MujocoWorld, shown: Sequence[str] = ()) -> Attention:
-    """Build the domain's attention (which cameras show which atoms), limited to the cameras in `shown`, if there are any.
+    """Build the domain's attention: which cameras show which atoms, of those in `shown`, if there are any.
 
     Raises:
         DomainError: the domain names a camera that the scene does not have.
