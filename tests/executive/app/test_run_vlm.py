@@ -256,6 +256,6 @@ def test_the_record_can_be_read_by_anyone(seen: Callable[..., tuple[Run, Recorde
 def test_a_domain_without_an_eye_of_its_own_says_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.exit_code(["run", str(TRAY), "--quiet", "--runs", str(tmp_path / "runs")]) == 2
     said = one_error_line(capsys)
-    assert "--vlm" in said and "tray" in said
+    assert "--vlm" in said
     assert "executive train tray" in said
     assert not (tmp_path / "runs").exists()
