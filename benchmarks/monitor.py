@@ -7,8 +7,8 @@
 `home` is a collection: `executive collect grocery --points 2000 --seed 9001 --out home` makes it. Half of its episodes
 say how far an eye can be trusted, the others are judged. Bad pictures are blurred, noisy or dark, each as much as it
 takes for the eye to be right about the whole state in half of the looks. The settings build on each other: the plain
-threshold of the paper; consistency by mutex groups; memory; looking again. In the closed loop all contenders meet the
-same faults. What is found is kept in a folder (`--out`): the same command goes on where it was left.
+threshold of the paper; consistency by mutex groups; memory; looking again. In the closed loop all configurations meet
+the same faults. What is found is kept in a folder (`--out`): the same command goes on where it was left.
 
 - `state`: looks after which the whole state that would be planned from is right; `wrong`, `unknown`: looks after which
   something that is told is wrong, or something is not told; `looks`: how many at a moment, as long as it is unknown.
@@ -31,14 +31,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.monitored import contenders, figures, looks, spoiling, symbolic
+from benchmarks.monitored import configurations, figures, looks, spoiling, symbolic
 from benchmarks.monitored.courses import Ask, RunState, courses, flipping, graded, recorded
 from executive.app.sensor_fit import load_outcomes
 from executive.belief import EXACT, ActionModel, ErrorModel, MutexNetwork, SensorModel
 from executive.cli.app import INTERRUPTED, ctrl_c
 from executive.domain.loader import Domain, load_domain
 from executive.errors import ExecutiveError
-from executive.lab.campaign.campaign_folder import Bench
+from executive.lab.campaign.campaign_folder import CampaignFolder
 from executive.lab.campaign.design import Campaign
 from executive.lab.campaign.episode import FAILED, Player, Simulated
 from executive.lab.campaign.rows import read_rows
@@ -59,7 +59,7 @@ class Looks:
     """The part about looks, and the eyes that it finds for the closed loop."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
-        self.eyes: list[contenders.Looking] = []
+        self.eyes: list[configurations.Looking] = []
         self.lines: list[looks.Line] = []
         self.covered: list[looks.Coverage] = []
         self.asked: list[spoiling.Asked] = []
@@ -75,10 +75,10 @@ class Looks:
             taken = recorded(domain, evaluation, arguments.data)
             if not spoiled:
                 self._oracles(domain, network, ActionModel(counts), taken[1::2])
-                self.eyes.append(contenders.Looking(contenders.SHIPPED, "vlm"))
+                self.eyes.append(configurations.Looking(configurations.SHIPPED, "vlm"))
             trust = looks.trusted(network, taken[::2])
             if spoiled:
-                self.eyes.append(contenders.spoiled(spoiled, trust, trusts))
+                self.eyes.append(configurations.spoiled(spoiled, trust, trusts))
             name = self.eyes[-1].name
             for setting, monitor in looks.settings(domain, network, trust.sensor_model, ActionModel(counts)):
                 self.lines.append(looks.Line(name, setting, looks.judged(monitor, taken[1::2]), None))
@@ -93,8 +93,8 @@ class Looks:
         self.covered += looks.coverage(name, network, courses(domain, 300, 20, 3), graded(4))
 
     def _oracles(self, domain: Domain, network: MutexNetwork, actions: ActionModel, taken: Sequence[RunState]) -> None:
-        for flips in (0.0, *contenders.FLIPS):
-            name = contenders.flipped(flips) if flips else contenders.ORACLE
+        for flips in (0.0, *configurations.FLIPS):
+            name = configurations.flipped(flips) if flips else configurations.ORACLE
             eye = SensorModel(other=ErrorModel(flips, flips), correlation_within=0.0) if flips else EXACT
             self._line(domain, network, actions, taken, name, eye, flipping(flips, 0))
 
@@ -148,7 +148,7 @@ def parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Part]]:
         StoppedError: somebody pressed Ctrl-C.
     """
     only = arguments.only or PARTS
-    eyes = contenders.oracles(arguments.out / "trust")
+    eyes = configurations.oracles(arguments.out / "trust")
     if "looks" in only or (arguments.data is not None and "simulator" in only):
         found = Looks(arguments)
         eyes_there = [*eyes, *found.eyes]
@@ -157,18 +157,18 @@ def parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Part]]:
     else:
         eyes_there = eyes
     if "symbolic" in only:
-        campaign = contenders.campaign([symbolic.PLACE], eyes, arguments.symbolic_seeds, arguments.fault)
+        campaign = configurations.campaign([symbolic.PLACE], eyes, arguments.symbolic_seeds, arguments.fault)
         yield "symbolic", _loop("symbolic", campaign, symbolic.player, arguments)
     if "simulator" in only:
-        places = contenders.grocery(arguments.problem or ["breakfast"])
-        campaign = contenders.campaign(places, eyes_there, arguments.seeds, arguments.fault)
+        places = configurations.grocery(arguments.problem or ["breakfast"])
+        campaign = configurations.campaign(places, eyes_there, arguments.seeds, arguments.fault)
         yield "simulator", _loop("simulator", campaign, Simulated, arguments)
 
 
 def _loop(part: str, campaign: Campaign, prepare: Callable[[Path], Player], arguments: argparse.Namespace) -> Part:
     """A campaign, all of it played."""
     out = arguments.out / part
-    with Bench(campaign, out, shlex.join(sys.argv), lambda line: print(line, file=sys.stderr)) as work:
+    with CampaignFolder(campaign, out, shlex.join(sys.argv), lambda line: print(line, file=sys.stderr)) as work:
         wanted = work.wanted()
         if work.missing(wanted):
             pool = ProcessPool(partial(prepare, work.work), arguments.jobs, 60 * campaign.minutes, single_threaded=True)
@@ -199,7 +199,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=10, help="in the simulator, of each contender")
     parser.add_argument("--symbolic-seeds", type=int, default=200, help="in the symbolic world")
     parser.add_argument("--problem", action="append", help="of the grocery domain: breakfast if not given; repeat it")
-    parser.add_argument("--fault", action="append", help=f"{', '.join(contenders.FAULTS)} if none is given")
+    parser.add_argument("--fault", action="append", help=f"{', '.join(configurations.FAULTS)} if none is given")
     parser.add_argument("--jobs", type=int, default=cores())
     parser.add_argument("--out", type=Path, default=Path("campaigns/monitor"), help="what is found is kept here")
     parser.add_argument("--json", action="store_true")

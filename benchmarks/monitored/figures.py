@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from benchmarks.monitored.contenders import FULL, ORACLE, PLAIN, flipped
+from benchmarks.monitored.configurations import FULL, ORACLE, PLAIN, flipped
 from benchmarks.monitored.looks import Coverage, Line
 from executive.faults.catalogue import PHYSICAL
 from executive.lab.campaign.episode import FAILED, Row
@@ -16,7 +16,7 @@ from executive.lab.campaign.results import claimed, succeeded
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Some episodes of one contender; shares are of episodes (`success`, `false_success`) or of actions (`missed`,
+    """Some episodes of one configuration; shares are of episodes (`success`, `false_success`) or of actions (`missed`,
     `alarms`), None where there was no such action."""
 
     episodes: int

@@ -34,7 +34,7 @@ def play(episode: Episode, tell: ReportProgress = lambda done: None) -> Row:
     some = task(THINGS, PLACES, GOAL)
     start = {thing: PLACES[(index // 2 + 1 + (seed + index) % 2) % 3] for index, thing in enumerate(THINGS)}
     world, skill, collector = FakeWorld(start, PLACES), FakeSkill(), Collector()
-    own = [str(parse_fault(spec)) for spec in episode.contender.faults]
+    own = [str(parse_fault(spec)) for spec in episode.configuration.faults]
     scorer = Scorer(lambda: world.truth(some.atoms), True, own)
     faults = FaultInjector([parse_fault(spec) for spec in config.faults], world, seed)
     Executive(

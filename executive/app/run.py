@@ -44,7 +44,7 @@ from executive.util import requirements
 
 if TYPE_CHECKING:
     from executive.s3e.estimator import S3E
-    from executive.sim.initial_state import Setting
+    from executive.sim.initial_state import InitialState
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
@@ -307,22 +307,22 @@ def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
     return [parse_fault(spec, items, tables, cameras) for spec in specs]
 
 
-def checked_stage(domain: Domain) -> Setting:
+def checked_stage(domain: Domain) -> InitialState:
     """Return the problem's initial setting in the domain's scene, after checking that its predicates and :init are
     meaningful there.
 
     Raises:
         DomainError: they are not.
     """
-    from executive.sim.initial_state import read_setting
-    from executive.sim.relation_kinds import check_kinds, read_meanings
+    from executive.sim.initial_state import read_initial_state
+    from executive.sim.relation_kinds import check_kinds, read_relation_kinds
     from executive.sim.spec import read_scene
 
     manifest, problem, task = domain.files[0], domain.files[2], domain.task
     scene = read_scene(domain.scene).restricted_to(task.objects, domain.scene)
-    meanings = read_meanings(domain.relations, task.parameters, manifest)
-    check_kinds(meanings, task, scene, manifest)
-    return read_setting(domain.parsed.init, meanings, scene, problem)
+    kinds = read_relation_kinds(domain.relations, task.parameters, manifest)
+    check_kinds(kinds, task, scene, manifest)
+    return read_initial_state(domain.parsed.init, kinds, scene, problem)
 
 
 def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom, str]:
@@ -333,7 +333,7 @@ def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom
     """
     from executive.sim.initial_state import too_large
 
-    why = too_large(domain.task.atoms, truth.meanings, world.shapes, world.spec)
+    why = too_large(domain.task.atoms, truth.relation_kinds, world.shapes, world.spec)
     goal = domain.task.goal
     if goal.true and why.keys() >= goal.true and not goal.false:
         world.close()
@@ -342,10 +342,10 @@ def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom
 
 
 def _stage(
-    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int, setting: Setting
+    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int, setting: InitialState
 ) -> tuple[MujocoWorld, Truth]:
     """Build the world in the state of the problem's :init, which the robot is not given."""
-    from executive.sim.initial_state import check_setting
+    from executive.sim.initial_state import check_initial_state
     from executive.sim.truth import Truth
     from executive.sim.world import MujocoWorld
 
@@ -365,7 +365,7 @@ def _stage(
     )
     truth = Truth(world, domain.relations, task.parameters, domain.files[0])
     try:
-        check_setting(domain.parsed.init, truth.of, domain.files[2])
+        check_initial_state(domain.parsed.init, truth.of, domain.files[2])
     except DomainError:
         world.close()
         raise

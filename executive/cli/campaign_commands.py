@@ -31,7 +31,7 @@ def bench(
         Path | None,
         typer.Option(help="The folder for everything, to be gone on with later; campaigns/NAME if not given."),
     ] = None,
-    only: Annotated[list[str] | None, typer.Option(help="Only this contender; repeat it for more.")] = None,
+    only: Annotated[list[str] | None, typer.Option(help="Only this configuration; repeat it for more.")] = None,
     seeds: Annotated[int | None, typer.Option(min=1, help="Only the first so many seeds.")] = None,
     retry: Annotated[
         bool, typer.Option("--retry", help="Play those again that could not be played to an end.")
@@ -49,7 +49,7 @@ def bench(
     report: Annotated[Path | None, typer.Option(help="Play nothing: report what there is in this folder.")] = None,
     compare: Annotated[
         tuple[str, str] | None,
-        typer.Option(help="Play nothing: compare two folders, or FOLDER:CONTENDER with another.", metavar="A B"),
+        typer.Option(help="Play nothing: compare two folders, or FOLDER:CONFIGURATION with another.", metavar="A B"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
 ) -> int:
@@ -73,7 +73,7 @@ def bench(
 
     requirements.require()
 
-    from executive.lab.campaign.campaign_folder import Bench
+    from executive.lab.campaign.campaign_folder import CampaignFolder
     from executive.lab.campaign.config_file import check, read_campaign
     from executive.lab.campaign.episode import Simulated
     from executive.lab.common.progress import show_progress
@@ -82,7 +82,7 @@ def bench(
     design = read_campaign(campaign)
     folder = out or Path("campaigns") / campaign.stem
     again = ["executive", "bench", str(campaign), *(["--out", str(out)] if out is not None else [])]
-    with Bench(design, folder, shlex.join(again), _warn) as work:
+    with CampaignFolder(design, folder, shlex.join(again), _warn) as work:
         wanted = work.wanted(only or (), seeds)
         if retry:
             work.retry()

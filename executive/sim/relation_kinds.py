@@ -1,7 +1,7 @@
-"""What the predicates of a domain mean in the simulator: for each a relation, and what it is about.
+"""The relation of each predicate of a domain in the simulator, and the kinds of its arguments.
 
-A domain says `relation = "on"`, and the relation is about the predicate's own arguments in their order, or says which
-they are: `relation = "on(?tool, tray)"`, where a thing of the scene may stand for itself.
+With `relation = "on"` the relation takes the predicate's own arguments in their order; with `relation = "on(?tool,
+tray)"` it takes the named ones, where an object of the scene may be named directly.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ Relation = Callable[..., bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
-    """A relation by its name, and the terms that it is about: positions among a predicate's arguments, or things of the
-    scene by their names. Without terms, the arguments themselves, as many as there are."""
+class RelationKind:
+    """A relation with its name and terms: indices of a predicate's arguments, or names of objects of the scene. Without
+    terms it takes all arguments in their order."""
 
     name: str
     relation: Relation
@@ -31,17 +31,17 @@ class Meaning:
 
     @property
     def kinds(self) -> tuple[str, ...] | None:
-        """The kinds of things that the relation is about, where it declares them (`executive.sim.relations.takes`)."""
+        """The kinds of the relation's arguments, if it declares them (`executive.sim.relations.takes`)."""
         declared: tuple[str, ...] | None = getattr(self.relation, "takes", None)
         return declared
 
     @property
     def count(self) -> int:
-        """How many things the relation is about."""
+        """The number of the relation's arguments."""
         return len(signature(self.relation).parameters) - 1 if self.kinds is None else len(self.kinds)
 
     def about(self, atom: Atom) -> tuple[str, ...]:
-        """The things that the relation is about for an atom of the predicate."""
+        """The relation's arguments for an atom of the predicate."""
         if self.terms is None:
             return atom.args
         return tuple(term if isinstance(term, str) else atom.args[term] for term in self.terms)
@@ -52,22 +52,22 @@ def relations() -> dict[str, Relation]:
     return {point.name: point.load() for point in entry_points(group="executive.relations")}
 
 
-def read_meanings(
-    said: Mapping[str, str], parameters: Mapping[str, Sequence[str]], file: Path | None = None
-) -> dict[str, Meaning]:
-    """The meaning of each predicate.
+def read_relation_kinds(
+    declared: Mapping[str, str], parameters: Mapping[str, Sequence[str]], file: Path | None = None
+) -> dict[str, RelationKind]:
+    """Reads the relation of each predicate.
 
     Args:
-        said: predicate -> what its domain says of it.
-        parameters: predicate -> the names of its parameters, to be held against the relation's.
+        declared: predicate -> its relation in the domain file.
+        parameters: predicate -> the names of its parameters, whose number is checked.
         file: the domain file, for error messages.
 
     Raises:
         DomainError: a relation is not registered, or takes another number of things than it is given.
     """
     known = relations()
-    meanings = {}
-    for predicate, text in said.items():
+    kinds = {}
+    for predicate, text in declared.items():
         key = f"predicates.{predicate}.relation"
         name, bracket, rest = text.partition("(")
         if name not in known:
@@ -75,31 +75,31 @@ def read_meanings(
         own = [f"?{each}" for each in parameters.get(predicate, ())]
         words = [word.strip() for word in rest.removesuffix(")").split(",") if word.strip()]
         terms = tuple(own.index(word) if word in own else word for word in words) if bracket else None
-        meaning = Meaning(name, known[name], terms)
+        kind = RelationKind(name, known[name], terms)
         has = len(own) if terms is None else len(terms)
-        if (predicate in parameters or terms is not None) and meaning.count != has:
+        if (predicate in parameters or terms is not None) and kind.count != has:
             raise DomainError(
-                f"{name!r} needs {meaning.count} object{'s' * (meaning.count != 1)}, "
+                f"{name!r} needs {kind.count} object{'s' * (kind.count != 1)}, "
                 f"{'this predicate has' if terms is None else 'here are'} {has}",
                 file=file,
                 key=key,
             )
-        meanings[predicate] = meaning
-    return meanings
+        kinds[predicate] = kind
+    return kinds
 
 
-def check_kinds(meanings: Mapping[str, Meaning], task: Task, spec: SceneSpec, file: Path) -> None:
-    """Hold what the relations are about against the things of the scene. An argument is right if some object that may
+def check_kinds(kinds: Mapping[str, RelationKind], task: Task, spec: SceneSpec, file: Path) -> None:
+    """Checks the arguments of relations against the objects of the scene. An argument is right if some object that may
     stand there is of the kind; a predicate of which no atom could ever be true is a mistake.
 
     Raises:
         DomainError: the first mistake; says which order would be right, if one is.
     """
     kind_of = {**{item.name: "item" for item in spec.items}, **{table.name: "table" for table in spec.tables}}
-    for predicate, meaning in meanings.items():
+    for predicate, kind in kinds.items():
         key = f"predicates.{predicate}.relation"
         atoms = [atom for atom in task.atoms if atom.predicate == predicate]
-        if meaning.kinds is None or not atoms:
+        if kind.kinds is None or not atoms:
             continue
         names = task.parameters.get(predicate, [str(index + 1) for index in range(len(atoms[0].args))])
         shown = [f"?{name}" for name in names]
@@ -107,20 +107,20 @@ def check_kinds(meanings: Mapping[str, Meaning], task: Task, spec: SceneSpec, fi
             word: {kind_of[atom.args[index]] for atom in atoms if atom.args[index] in kind_of}
             for index, word in enumerate(shown)
         }
-        terms = meaning.terms if meaning.terms is not None else range(len(shown))
+        terms = kind.terms if kind.terms is not None else range(len(shown))
         words = [term if isinstance(term, str) else shown[term] for term in terms]
         for word in words:
             if word not in shown:
                 if word not in kind_of:
                     raise DomainError(f"the scene has no {word!r}; {nearest(word, kind_of)}", file=file, key=key)
                 there[word] = {kind_of[word]}
-        right = [order for order in permutations(words) if _fits(order, meaning.kinds, there)]
+        right = [order for order in permutations(words) if _fits(order, kind.kinds, there)]
         if tuple(words) in right:
             continue
-        wanted = ", ".join(map(_one, meaning.kinds))
+        wanted = ", ".join(map(_one, kind.kinds))
         given = ", ".join(f"{word} is {' or '.join(map(_one, sorted(there[word])))}" for word in words)
-        hint = f'; write relation = "{meaning.name}({", ".join(right[0])})"' if right else ""
-        raise DomainError(f"{meaning.name!r} is about {wanted}, in this order, and {given}{hint}", file=file, key=key)
+        hint = f'; write relation = "{kind.name}({", ".join(right[0])})"' if right else ""
+        raise DomainError(f"{kind.name!r} is about {wanted}, in this order, and {given}{hint}", file=file, key=key)
 
 
 def _fits(order: Sequence[str], kinds: Sequence[str], there: Mapping[str, set[str]]) -> bool:

@@ -1,5 +1,5 @@
-"""The simulator's truth per atom: the oracle estimator, labels and scores. Decisions never come here on their own;
-only what assembles a run and what scores one may import this module."""
+"""The ground truth of atoms in the simulator, for the oracle estimator, labels and scores. Decisions never use it: only
+what assembles a run and what scores one may import this module."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from types import MappingProxyType
 
 import mujoco
 
-from executive.sim.relation_kinds import Meaning, read_meanings
+from executive.sim.relation_kinds import RelationKind, read_relation_kinds
 from executive.sim.relations import SimState
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Belief, Facts, Observation
 
 
 class Truth:
-    """What is really so.
+    """The ground truth.
 
     Args:
         world: the simulated world.
-        meaning: predicate -> the relation that is its truth (see `executive.sim.relation_kinds`).
+        relations: predicate -> the relation that is its truth (see `executive.sim.relation_kinds`).
         parameters: predicate -> the names of its parameters, to be held against the relation's.
         file: the domain file, for the error message.
 
@@ -31,28 +31,28 @@ class Truth:
     def __init__(
         self,
         world: MujocoWorld,
-        meaning: Mapping[str, str],
+        relations: Mapping[str, str],
         parameters: Mapping[str, Sequence[str]] = MappingProxyType({}),
         file: Path | None = None,
     ) -> None:
         self._world = world
-        self.meanings = read_meanings(meaning, parameters, file)
+        self.relation_kinds = read_relation_kinds(relations, parameters, file)
 
     def of(self, atoms: Sequence[Atom]) -> Facts:
-        """The truth of each atom now."""
+        """The ground truth of each atom now."""
         world = self._world
         mujoco.mj_forward(world.model, world.data)
         tables = {table.name: table for table in world.spec.tables}
         state = SimState(world.model, world.data, tables, tuple(world.shapes))
-        return Facts({atom: self._holds(self.meanings[atom.predicate], state, atom) for atom in atoms})
+        return Facts({atom: self._holds(self.relation_kinds[atom.predicate], state, atom) for atom in atoms})
 
     @staticmethod
-    def _holds(meaning: Meaning, state: SimState, atom: Atom) -> bool:
-        return bool(meaning.relation(state, *meaning.about(atom)))
+    def _holds(kind: RelationKind, state: SimState, atom: Atom) -> bool:
+        return bool(kind.relation(state, *kind.about(atom)))
 
 
 class Oracle:
-    """The estimator that is always right: probability 0 or 1 for every atom, as the simulator has it."""
+    """The estimator that returns the ground truth: probability 0 or 1 for every atom."""
 
     name = "oracle"
 

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks import monitor
-from benchmarks.monitored import contenders, figures, looks, spoiling, symbolic
-from benchmarks.monitored.contenders import FULL, ORACLE, PLAIN, SETTINGS, flipped
+from benchmarks.monitored import configurations, figures, looks, spoiling, symbolic
+from benchmarks.monitored.configurations import FULL, ORACLE, PLAIN, SETTINGS, flipped
 from benchmarks.monitored.courses import courses, flipping, graded
 from benchmarks.monitored.symbolic import GOAL, PLACES, THINGS, Courier
 from executive.belief import EXACT, ActionModel, MutexNetwork
@@ -30,15 +30,15 @@ from tests.fakes import FREE, at, held, task
 
 @pytest.fixture(scope="module")
 def episodes(tmp_path_factory: pytest.TempPathFactory) -> list[Episode]:
-    eyes = contenders.oracles(tmp_path_factory.mktemp("trust"))
-    return list(contenders.campaign([symbolic.PLACE], eyes, 3, None).episodes())
+    eyes = configurations.oracles(tmp_path_factory.mktemp("trust"))
+    return list(configurations.campaign([symbolic.PLACE], eyes, 3, None).episodes())
 
 
 def of(episodes: list[Episode], eye: str, *settings: str) -> list[Row]:
     return [
         symbolic.play(episode)
         for episode in episodes
-        if episode.contender.estimator == eye and episode.contender.monitor in (settings or SETTINGS)
+        if episode.configuration.estimator == eye and episode.configuration.monitor in (settings or SETTINGS)
     ]
 
 
@@ -111,7 +111,7 @@ def test_bad_pictures_are_a_fault_of_their_eye_and_their_trust_tells_one_from_an
     network = MutexNetwork(domain.task.atoms, find_mutexes(domain.parsed).groups)
     taken = courses(domain, 6, 10, 0)
     some, other = (looks.trusted(network, taken, graded(seed)) for seed in (0, 1))
-    first, again, second = (contenders.spoiled("noisy=40", trust, tmp_path) for trust in (some, some, other))
+    first, again, second = (configurations.spoiled("noisy=40", trust, tmp_path) for trust in (some, some, other))
     assert first == again
     assert first.trust != second.trust
     (fault,) = map(parse_fault, first.faults)

@@ -1,8 +1,8 @@
-"""A campaign in its folder: what is there already, what is missing, and the work of having that played.
+"""The folder of a campaign: the episodes that are there, those that are missing, and the work of playing these.
 
-An episode depends on its seed and on what the campaign's file says of it alone, not on who plays it, nor when: a
-campaign that was killed goes on with the episodes that it lacks, and one may be extended by more seeds, faults or
-contenders.
+An episode depends on its seed and on the campaign's file alone, not on the worker that plays it, nor on the time: a
+campaign that was killed resumes with the missing episodes, and one may be extended by more seeds, faults or
+configurations. The manifest's key for configurations is `contenders`, as in former versions.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ FORMAT = 1
 _VERSIONS = (*DECIDING, "torch", "transformers", "unified-planning", "up-fast-downward")
 
 
-class Bench:
-    """One campaign, its folder checked and what is there already read. A context manager that holds the folder.
+class CampaignFolder:
+    """A campaign in its checked folder, with the episodes that are there. A context manager that locks the folder.
 
     Args:
-        command: what goes on with it.
-        warn: is told of damage.
+        command: the command that resumes it.
+        warn: receives a line per damaged row.
 
     Raises:
         InputError: the folder holds something else, or another process plays in it.
@@ -75,7 +75,7 @@ class Bench:
             self.close()
             raise
 
-    def __enter__(self) -> Bench:
+    def __enter__(self) -> CampaignFolder:
         return self
 
     def __exit__(
@@ -86,35 +86,36 @@ class Bench:
         self.close()
 
     def close(self) -> None:
-        """Let another process play in this folder."""
+        """Releases the lock of the folder."""
         self._lock.release()
 
     def cancel(self) -> None:
-        """Have `play` stop soon. A flag: safe from any thread and signal handler."""
+        """Makes `play` stop soon. It sets a flag: safe from any thread and signal handler."""
         self._cancelled = True
 
     @property
     def work(self) -> Path:
-        """Where runs have their folders while they go on; emptied before and afterwards."""
+        """The folder of running episodes; emptied before and afterwards."""
         folder = self.out / WORK
         folder.mkdir(exist_ok=True)
         return folder
 
     def wanted(self, only: Collection[str] = (), seeds: int | None = None) -> list[Episode]:
-        """The episodes of the first so many seeds by some contenders; by default, all.
+        """The episodes of the first `seeds` seeds and of the configurations in `only`; by default, all.
 
         Raises:
-            InputError: there is no such contender.
+            InputError: there is no such configuration.
         """
-        names = {name: who for who in self.campaign.contenders for name in (str(who), who.estimator)}
+        names = {name: who for who in self.campaign.configurations for name in (str(who), who.estimator)}
         for name in only:
             if name not in names:
-                raise InputError(f"no contender {name!r}; {nearest(name, names)}", key="--only")
+                raise InputError(f"no configuration {name!r}; {nearest(name, names)}", key="--only")
         chosen = frozenset(self.campaign.seeds[:seeds])
         return [
             episode
             for episode in self.campaign.episodes()
-            if episode.seed in chosen and (not only or {str(episode.contender), episode.contender.estimator} & {*only})
+            if episode.seed in chosen
+            and (not only or {str(episode.configuration), episode.configuration.estimator} & {*only})
         ]
 
     def missing(self, wanted: Sequence[Episode]) -> list[Episode]:
@@ -122,7 +123,7 @@ class Bench:
         return [episode for episode in wanted if episode.key not in self._rows.known]
 
     def retry(self) -> None:
-        """Have the episodes that could not be played to an end count as missing."""
+        """Makes failed episodes count as missing."""
         for key, row in list(self._rows.known.items()):
             if row.outcome == FAILED:
                 del self._rows.known[key]
@@ -133,8 +134,7 @@ class Bench:
         pool: WorkerPool[Episode, Row],
         watch: Callable[[Progress], None] = lambda progress: None,
     ) -> bool:
-        """Have what is missing of the episodes played; whether that came to its end. `watch` is called a few times a
-        second.
+        """Plays the missing episodes; returns whether none is missing now. `watch` is called a few times a second.
 
         Raises:
             InputError: rows cannot be written any more.
@@ -154,7 +154,7 @@ class Bench:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What a campaign's folder is about.
+    """Reads the manifest of a campaign's folder.
 
     Raises:
         InputError: there is no campaign in it, or the file is damaged.
@@ -208,7 +208,7 @@ def _check_folder(out: Path, what: Mapping[str, Any]) -> None:
 
 
 def _of_these(what: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
-    """What was said of those places, faults and contenders that have rows."""
+    """The description of those places, faults and configurations that have rows."""
     used = {
         "places": {f"{row.domain}/{row.problem}" for row in rows},
         "faults": {row.faults for row in rows},
@@ -218,8 +218,8 @@ def _of_these(what: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str | None:
-    """The first thing in which two campaigns contradict each other, in words. What only one of them has is none."""
-    for kind, word in (("places", "the files of"), ("faults", "the faults"), ("contenders", "the contender")):
+    """The first contradiction between two campaigns in words; what only one of them has is none."""
+    for kind, word in (("places", "the files of"), ("faults", "the faults"), ("contenders", "the configuration")):
         for name, value in here[kind].items():
             if name in there[kind] and there[kind][name] != value:
                 return f"{word} {name!r} {'was another one' if kind == 'contenders' else 'were others'}"

@@ -1,4 +1,4 @@
-"""Two contenders, episode against episode: the same problem, seed and faults on both sides."""
+"""Paired comparison of two configurations: the same problem, seed and faults on both sides."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class Side(NamedTuple):
 
 
 def compare(first: str, second: str) -> list[tuple[Side, Side, list[Paired]]]:
-    """Compare two campaigns, or two contenders: `FOLDER` or `FOLDER:CONTENDER`.
+    """Compare two campaigns, or two configurations: `FOLDER` or `FOLDER:CONFIGURATION`.
 
-    Where no contender is named, those that both folders have are compared, each with itself; or the one of each, if
+    Where no configuration is named, those that both folders have are compared, each with itself; or the one of each, if
     that is all there is.
 
     Raises:
@@ -124,36 +124,36 @@ def _paired(condition: tuple[str, str, str], metric: Metric, both: Sequence[tupl
 class _Opened(NamedTuple):
     folder: str
     results: Results
-    contender: str | None
+    configuration: str | None
 
-    def side(self, contender: str) -> Side:
-        rows = [row for cell in self.results.cells if cell.contender == contender for row in cell.rows]
+    def side(self, configuration: str) -> Side:
+        rows = [row for cell in self.results.cells if cell.configuration == configuration for row in cell.rows]
         keyed = {(row.domain, row.problem, row.faults, row.seed): row for row in rows}
-        return Side(f"{self.folder}:{contender}", keyed)
+        return Side(f"{self.folder}:{configuration}", keyed)
 
 
 def _opened(what: str) -> _Opened:
-    folder, contender = what, None
+    folder, configuration = what, None
     if not os.path.isdir(what) and ":" in what:
-        folder, _, contender = what.rpartition(":")
+        folder, _, configuration = what.rpartition(":")
     results = load_results(Path(folder))
-    if contender is not None and contender not in results.contenders:
-        hint = nearest(contender, results.contenders)
-        raise InputError(f"no contender {contender!r}; {hint}", file=folder, key="--compare")
+    if configuration is not None and configuration not in results.configurations:
+        hint = nearest(configuration, results.configurations)
+        raise InputError(f"no configuration {configuration!r}; {hint}", file=folder, key="--compare")
     if not results.cells:
         raise InputError("has no episodes yet", file=folder, key="--compare")
-    return _Opened(folder, results, contender)
+    return _Opened(folder, results, configuration)
 
 
 def _sides(first: _Opened, second: _Opened) -> list[tuple[Side, Side]]:
-    mine = [first.contender] if first.contender else first.results.contenders
-    theirs = [second.contender] if second.contender else second.results.contenders
+    mine = [first.configuration] if first.configuration else first.results.configurations
+    theirs = [second.configuration] if second.configuration else second.results.configurations
     if len(mine) == len(theirs) == 1:
         return [(first.side(mine[0]), second.side(theirs[0]))]
     common = [name for name in mine if name in theirs]
     if not common:
         message = (
-            f"say which contenders: {first.folder}:{mine[0]} {second.folder}:{theirs[0]}, for example; "
+            f"say which configurations: {first.folder}:{mine[0]} {second.folder}:{theirs[0]}, for example; "
             f"the first folder has {', '.join(mine)}, the second {', '.join(theirs)}"
         )
         raise InputError(message, key="--compare")

@@ -22,8 +22,8 @@
     [run]                               # other options of `run` for all episodes
     grasp_noise = 0.004
 
-Each domain's problems meet all faults with all seeds, and each of these is played by every *contender*: an estimator
-with a monitor. One that does not look has no monitor, and is one contender.
+Each domain's problems meet all faults with all seeds, and each of these is played by every *configuration*: an
+estimator with a monitor. One that does not look has no monitor, and is one configuration.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from executive.app.monitors import PRESETS, MonitorConfig, preset
 from executive.app.run import ESTIMATORS, parse_faults
 from executive.domain.loader import load_domain
 from executive.errors import InputError, nearest
-from executive.lab.campaign.design import Campaign, Contender, Episode, Place
+from executive.lab.campaign.design import Campaign, Configuration, Episode, Place
 from executive.util.files import home, read_toml
 
 LARGEST = 1_000_000
@@ -70,7 +70,7 @@ def check(episodes: Iterable[Episode]) -> None:
     Raises:
         InputError: there is none.
     """
-    eyes = {(each.place, each.contender.eye) for each in episodes if each.contender.kind == "vlm"}
+    eyes = {(each.place, each.configuration.eye) for each in episodes if each.configuration.kind == "vlm"}
     for place, eye in sorted(eyes, key=str):
         with_default_model(eye or EstimatorConfig(), load_domain(place.where, place.which).subject)
 
@@ -159,7 +159,7 @@ class _Reader:
             title=" ".join(said.title.split()),
             seeds=self._seeds(),
             places=self._places(),
-            contenders=self._contenders(),
+            configurations=self._configurations(),
             faults=MappingProxyType({name: tuple(specs) for name, specs in said.faults.items()}),
             options=MappingProxyType(said.run.model_dump()),
             minutes=said.minutes,
@@ -200,7 +200,7 @@ class _Reader:
                         self._fail(f"faults.{name}", f"in {place}: {error.message}")
         return tuple(places.values())
 
-    def _contenders(self) -> tuple[Contender, ...]:
+    def _configurations(self) -> tuple[Configuration, ...]:
         made = []
         for name, said in self._said.estimators.items():
             kind = said.estimator or name
@@ -209,14 +209,14 @@ class _Reader:
                 self._fail(key, f"say which estimator it is; {nearest(kind, ESTIMATORS)}")
             eye, model = self._eye(said, kind, key)
             if kind == "none":
-                made.append(Contender(name, "", kind))
+                made.append(Configuration(name, "", kind))
                 continue
             for title, options in self._said.monitors.items():
-                judge = self._judge(title, options)
+                monitor = self._monitor(title, options)
                 # What one monitor for all is called goes without saying.
                 told = title if len(self._said.monitors) > 1 else ""
                 others = {key: getattr(options, key) for key in _PATIENCE if key in options.model_fields_set}
-                made.append(Contender(name, told, kind, eye, judge, model, others))
+                made.append(Configuration(name, told, kind, eye, monitor, model, others))
         return tuple(made)
 
     def _eye(self, said: _Estimator, kind: str, key: str) -> tuple[EstimatorConfig | None, str]:
@@ -244,7 +244,7 @@ class _Reader:
         digests = (model_digest(home(folder)) for folder, here in folders.items() if folder and here)
         return eye, " ".join(filter(None, digests))
 
-    def _judge(self, name: str, said: _Monitor) -> MonitorConfig:
+    def _monitor(self, name: str, said: _Monitor) -> MonitorConfig:
         key = f"monitors.{name}"
         if said.model_fields_set <= {*_PATIENCE} and name in PRESETS:
             return preset(name)

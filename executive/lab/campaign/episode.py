@@ -1,4 +1,4 @@
-"""One episode, played and scored: a row of the campaign's record."""
+"""Playing and scoring one episode, whose result is a row of the campaign's record."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     from executive.s3e.estimator import S3E
 
 FAILED = "failed"
-"""The outcome of an episode that could not be played to an end: a bug, a set-up that is wrong, a process that died."""
+"""The outcome of an episode that could not be played to its end: a bug, a wrong set-up, a process that died."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What an episode came to, as its line in the record.
+    """The result of an episode, as its line in the record.
 
     The first six say which episode it is. `outcome` is the run's or `FAILED`, and then `error` says why. `strikes` and
-    the counts from `quiet` to `needless` are those of `executive.lab.campaign.scoring`. `lost` are the items that no
-    atom is true of at the end, so that nobody can reach them. `sim_seconds` is the world's time; of all, only
-    `wall_seconds` is another one each time. `command` carries the same run out again.
+    the counts from `quiet` to `needless` are those of `executive.lab.campaign.scoring`. `lost` are the items of
+    which no atom is true at the end: they are out of reach. `sim_seconds` is the simulated time; `wall_seconds` alone
+    is not reproducible. `command` repeats the run.
     """
 
     domain: str
@@ -73,15 +73,15 @@ class Row:
 
 
 Player = Callable[[Episode, ReportProgress], Row]
-"""Plays an episode. It may raise anything; whoever has it play makes a row of that, too."""
+"""Plays an episode. It may raise any exception; `row_of` makes a row of that, too."""
 
 
 class Simulated:
-    """Plays episodes in the simulator. Models stay open from one episode to the next.
+    """Plays episodes in the simulator. Models stay loaded from one episode to the next.
 
     Args:
-        work: where runs have their folders while they go on; a place of the system's if not given.
-        models: of the process that holds the models; without it, they are held in this one.
+        work: the parent folder of running episodes; the system's temporary folder if not given.
+        models: the address of the process that holds the models; without it, this process loads them.
 
     Raises:
         ExecutiveError: of an episode, whatever keeps it from being played; and where the process that holds the models
@@ -90,22 +90,22 @@ class Simulated:
 
     def __init__(self, work: Path | None = None, models: Address | None = None) -> None:
         self._work, self._models = work, models
-        self._eyes: dict[tuple[str, str, EstimatorConfig], S3E] = {}
+        self._estimators: dict[tuple[str, str, EstimatorConfig], S3E] = {}
 
     def __call__(self, episode: Episode, tell: ReportProgress = lambda done: None) -> Row:
         with tempfile.TemporaryDirectory(dir=self._work, prefix="episode-") as runs:
             config = replace(episode.config, runs=Path(runs))
-            own = [str(parse_fault(spec)) for spec in episode.contender.faults]
+            own = [str(parse_fault(spec)) for spec in episode.configuration.faults]
             scorer = Scorer(lambda: run.truth.of(run.domain.task.atoms), config.estimator != "none", own)
-            eye = self._open(episode)
-            with Run(config, [scorer], eye) as run:
+            estimator = self._open(episode)
+            with Run(config, [scorer], estimator) as run:
                 summary = run.execute()
                 truth, items = run.truth.of(run.domain.task.atoms), run.world.items
-            self._check(eye)
+            self._check(estimator)
         return row(episode, summary, scorer.tally, out_of_reach(truth, items))
 
     def _open(self, episode: Episode) -> S3E | None:
-        """The eye of an episode that has one: the one that is open, or in its place another one."""
+        """The vision-language estimator of an episode that has one; it replaces the open one if that is another."""
         config = episode.config
         if config.estimator != "vlm":
             return None
@@ -115,37 +115,37 @@ class Simulated:
 
         key = (config.domain, episode.place.problem, config.eye or EstimatorConfig())
         with suppress(ExecutiveError):  # a process that has ended may have a successor by now
-            self._check(self._eyes.get(key))
-        if key not in self._eyes:
-            self._eyes.clear()
+            self._check(self._estimators.get(key))
+        if key not in self._estimators:
+            self._estimators.clear()
             load = None if self._models is None else partial(SharedBackend, self._models)
-            self._eyes[key] = open_estimator(key[2], load_domain(config.domain, config.problem).subject, load)
-        return self._eyes[key]
+            self._estimators[key] = open_estimator(key[2], load_domain(config.domain, config.problem).subject, load)
+        return self._estimators[key]
 
-    def _check(self, eye: S3E | None) -> None:
-        """Whether the eye's model is still there.
+    def _check(self, estimator: S3E | None) -> None:
+        """Checks that the estimator's model is still available.
 
         Raises:
-            ExecutiveError: it is not, and the eye is open no more.
+            ExecutiveError: it is not; the estimators are closed.
         """
         from executive.s3e.backends.shared_client import SharedBackend
 
-        if eye is not None and isinstance(eye.backend, SharedBackend):
+        if estimator is not None and isinstance(estimator.backend, SharedBackend):
             try:
-                eye.backend.check()
+                estimator.backend.check()
             except ExecutiveError:
-                self._eyes.clear()
+                self._estimators.clear()
                 raise
 
 
 def loads_model(episode: Episode) -> bool:
-    """Whether whoever plays it needs a vision-language model on this machine."""
+    """Whether the episode needs a vision-language model on this machine."""
     config = episode.config
     return config.estimator == "vlm" and (config.eye is None or config.eye.server is None)
 
 
 def row(episode: Episode, summary: Summary, tally: Tally, lost: Sequence[str]) -> Row:
-    """The row of an episode that came to an end."""
+    """The row of an episode that was played to its end."""
     return Row(
         **_which(episode),
         outcome=summary["outcome"],
@@ -168,7 +168,7 @@ def row(episode: Episode, summary: Summary, tally: Tally, lost: Sequence[str]) -
 
 
 def row_of(ended: JobResult[Episode, Row]) -> Row:
-    """The row of an episode, whether or not it could be played to an end."""
+    """The row of an episode, whether or not it was played to its end."""
     why = ended.outcome
     if isinstance(why, Row):
         return why
@@ -177,15 +177,15 @@ def row_of(ended: JobResult[Episode, Row]) -> Row:
 
 
 def out_of_reach(truth: Facts, items: Sequence[str]) -> tuple[str, ...]:
-    """The items that no atom is true of."""
+    """The items of which no atom is true."""
     told = {name for atom in truth.true for name in atom.args}
     return tuple(item for item in items if item not in told)
 
 
 def command(config: RunConfig) -> str:
-    """The command that carries a run out again."""
+    """The command that repeats a run."""
     words = ["executive", "run", config.domain]
-    eye, judge = config.eye, config.monitor
+    estimator, monitor = config.eye, config.monitor
     options: dict[str, object] = {
         "--problem": config.problem,
         "--seed": config.seed,
@@ -199,19 +199,19 @@ def command(config: RunConfig) -> str:
         "--patience": config.patience if config.patience != PATIENCE else None,
         "--max-looks-again": config.max_looks_again,
         "--max-questions": config.max_questions,
-        "--alpha": judge.alpha,
-        "--threshold": judge.threshold,
-        "--trust": judge.trust,
+        "--alpha": monitor.alpha,
+        "--threshold": monitor.threshold,
+        "--trust": monitor.trust,
     }
     flags = {
         "--no-home-pose": not config.home_pose,
-        "--no-memory": not judge.memory,
+        "--no-memory": not monitor.memory,
         "--no-guard": not config.guard,
     }
     for name, value in options.items():
         words += [name, str(value)] if value is not None else []
     words += [word for spec in config.faults for word in ("--fault", spec)]
-    words += [] if eye is None else eye.words()
+    words += [] if estimator is None else estimator.words()
     return legible(shlex.join([*words, *(flag for flag, given in flags.items() if given)]))
 
 

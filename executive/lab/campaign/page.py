@@ -13,11 +13,11 @@ from executive.lab.campaign.tables import by_place, head, heads, value_of
 from executive.lab.common import html
 
 LISTED = 15
-"""Episodes of each kind that are listed as worth a look."""
+"""The largest number of listed episodes of each kind."""
 
 
 def page(results: Results, figures: Mapping[str, tuple[str, bytes]]) -> str:
-    """The whole file; `figures` are heading -> (what is to be seen, PNG)."""
+    """The whole file; `figures` are heading -> (description, PNG)."""
     manifest, rows = results.manifest, results.rows
     parts = [
         f"<p>{html.prose(manifest['about'])}</p>" if manifest["about"] else "",
@@ -44,7 +44,7 @@ def _tables(results: Results) -> list[str]:
     parts = []
     for place, cells in by_place(results.cells).items():
         rows = [
-            [escape(cell.faults), escape(cell.contender), f"{len(cell.rows):,}"]
+            [escape(cell.faults), escape(cell.configuration), f"{len(cell.rows):,}"]
             + [_cell(*value_of(metric, cell)) for metric in METRICS]
             for cell in cells
         ]
@@ -58,11 +58,11 @@ def _tables(results: Results) -> list[str]:
 
 
 def _successes(cells: Sequence[Cell]) -> str:
-    """In large print what matters most: each contender's share of successes with each list of faults."""
+    """The share of successes per configuration and list of faults, in large print."""
     faults = list(dict.fromkeys(cell.faults for cell in cells))
     success, said = METRICS[0], dict[str, dict[str, str]]()
     for cell in cells:
-        said.setdefault(cell.contender, {})[cell.faults] = _cell(*value_of(success, cell))
+        said.setdefault(cell.configuration, {})[cell.faults] = _cell(*value_of(success, cell))
     rows = [[escape(name), *(by_faults.get(each, html.DASH) for each in faults)] for name, by_faults in said.items()]
     return f'<div class="large">{html.table([head(success), *faults], rows)}</div>'
 

@@ -1,4 +1,4 @@
-"""The pictures of a campaign: every metric under every condition, and how the episodes ended."""
+"""The figures of a campaign: every metric under every condition, and the outcomes of the episodes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _ACROSS = 3
 _BESIDE = 0.7
-"""How much of the way from one condition to the next the contenders' marks take up."""
+"""The share of the distance between two conditions that the configurations' marks take up."""
 
 MISTAKEN = "taken to be reached, but it is not"
 ENDS: Mapping[str, str] = {
@@ -31,24 +31,24 @@ ENDS: Mapping[str, str] = {
     OutcomeKind.CRASHED.value: "#6b4f9b",
     FAILED: "#22262b",
 }
-"""How an episode can end, each with its colour."""
+"""The ways in which an episode can end, each with its colour."""
 
 
 def metrics(cells: Sequence[Cell]) -> bytes:
     """A PNG: a panel for each metric that these cells (of one problem) say anything about; from left to right the
-    faults, a colour for each contender, and 95 % intervals."""
+    faults, a colour for each configuration, and 95 % intervals."""
     shown = [metric for metric in METRICS if any(cell.values[metric.name].episodes for cell in cells)]
     faults = list(dict.fromkeys(cell.faults for cell in cells))
-    contenders = list(dict.fromkeys(cell.contender for cell in cells))
+    configurations = list(dict.fromkeys(cell.configuration for cell in cells))
     across = min(_ACROSS, max(1, len(shown)))
     rows = math.ceil(max(1, len(shown)) / across)
     figure = figures.figure(max(3.3, 1.2 + 0.62 * len(faults)) * across, 2.5 * rows + 0.25)
     grid = figure.subplots(rows, across, squeeze=False)
     for axes, metric in zip(grid.flat, shown, strict=False):
-        _panel(axes, metric, cells, faults, contenders)
+        _panel(axes, metric, cells, faults, configurations)
     for axes in grid.flat[len(shown) :]:
         axes.axis("off")
-    figures.legend(figure, contenders, columns=min(6, len(contenders)))
+    figures.legend(figure, configurations, columns=min(6, len(configurations)))
     return figures.png(figure)
 
 
@@ -72,7 +72,7 @@ def outcomes(cells: Sequence[Cell]) -> bytes:
                     middle, text = left + share / 2, f"{100 * share:.0f}"
                     axes.text(middle, place, text, ha="center", va="center", color=ink, fontsize=7)
             left += share
-    axes.set_yticks(places, [f"{_plain(cell.faults)}, {_plain(cell.contender)}" for cell in cells], fontsize=7.5)
+    axes.set_yticks(places, [f"{_plain(cell.faults)}, {_plain(cell.configuration)}" for cell in cells], fontsize=7.5)
     axes.set(xlim=(0.0, 1.0), ylim=(places[-1] + 0.7, 0.3), xticks=(0, 0.25, 0.5, 0.75, 1))
     axes.set_xticklabels(["0", "25", "50", "75", "100 %"], fontsize=7.5)
     axes.tick_params(axis="y", length=0)
@@ -85,19 +85,21 @@ def outcomes(cells: Sequence[Cell]) -> bytes:
 
 
 def end_of(row: Row) -> str:
-    """How an episode ended: its outcome, or that it claimed what is not so."""
+    """The way in which an episode ended: its outcome, or `MISTAKEN` where it claimed a goal that does not hold."""
     return MISTAKEN if claimed(row) and not row.goal_true else row.outcome
 
 
-def _panel(axes: Axes, metric: Metric, cells: Sequence[Cell], faults: Sequence[str], contenders: Sequence[str]) -> None:
+def _panel(
+    axes: Axes, metric: Metric, cells: Sequence[Cell], faults: Sequence[str], configurations: Sequence[str]
+) -> None:
     axes.set_title(head(metric), fontsize=8.5, loc="left", color=figures.INK)
     scale = 100.0 if metric.share else 1.0
-    for number, name in enumerate(contenders):
+    for number, name in enumerate(configurations):
         points = []
         for cell in cells:
             told = cell.values[metric.name]
-            if cell.contender == name and told.value is not None:
-                offset = _BESIDE * ((number + 0.5) / len(contenders) - 0.5)
+            if cell.configuration == name and told.value is not None:
+                offset = _BESIDE * ((number + 0.5) / len(configurations) - 0.5)
                 low, high = told.interval or (told.value, told.value)
                 points.append((faults.index(cell.faults) + offset, told.value, told.value - low, high - told.value))
         if points:
@@ -123,5 +125,5 @@ def _panel(axes: Axes, metric: Metric, cells: Sequence[Cell], faults: Sequence[s
 
 
 def _plain(name: str) -> str:
-    """A name that means itself alone to matplotlib."""
+    """A name in which matplotlib finds no mathematics."""
     return name.replace("$", r"\$")

@@ -1,4 +1,4 @@
-"""What a campaign leaves in its folder beside its rows: numbers, tables, pictures, and a page of all that."""
+"""The report of a campaign in its folder: numbers, tables, figures, and a page of all that."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PAGE, TEXT, NUMBERS = "report.html", "report.md", "report.json"
 
 
 def write(folder: Path, results: Results) -> dict[str, Any]:
-    """Write everything into the campaign's folder, and return the document that `report.json` holds.
+    """Writes everything into the campaign's folder, and returns the content of `report.json`.
 
     Raises:
         InputError: there are no episodes yet, or the folder cannot be written to.

@@ -1,4 +1,4 @@
-"""What a campaign came to: for each condition and contender, each metric with its interval. What a metric is stands in
+"""The results of a campaign: each metric with its interval per condition and configuration. The metrics are defined in
 `METRICS`, and in every report."""
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from executive.types import OutcomeKind
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """Something that is measured. `of` is what one episode says of it, None where it says nothing: of a share 0 or 1,
-    of any other metric a number in `unit`."""
+    """A metric. `of` returns its value for one episode, or None where it has none: 0 or 1 for a share, a number in
+    `unit` for any other."""
 
     name: str
     head: str
@@ -30,16 +30,16 @@ class Metric:
     share: bool = True
     unit: str = ""
     of_looks: bool = False
-    """Whether there is none to be had for one that does not look."""
+    """Whether it is undefined for a configuration that does not look."""
 
     @property
     def interval(self) -> str:
-        """How its interval is found."""
+        """The name of the method of its interval."""
         return "Wilson" if self.share else "bootstrap"
 
 
 def claimed(row: Row) -> bool:
-    """Whether the run ended with the whole goal taken to hold: seen to, or assumed by one that does not look."""
+    """Whether the run ended with the belief that the goal holds: observed, or assumed by one that does not look."""
     return row.outcome in (OutcomeKind.GOAL_REACHED, OutcomeKind.PLAN_COMPLETED)
 
 
@@ -156,7 +156,7 @@ class Value(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """What one contender did under one condition."""
+    """The episodes and metrics of one configuration under one condition."""
 
     domain: str
     problem: str
@@ -167,12 +167,12 @@ class Cell(NamedTuple):
     values: Mapping[str, Value]
 
     @property
-    def contender(self) -> str:
-        return contender(self.estimator, self.monitor)
+    def configuration(self) -> str:
+        return configuration_name(self.estimator, self.monitor)
 
     @property
     def is_blind(self) -> bool:
-        """Whether nobody looked in any of its episodes that could be played."""
+        """Whether there was no look in any of its episodes that could be played."""
         played = [row for row in self.rows if row.outcome != FAILED]
         return bool(played) and not any(row.looks for row in played)
 
@@ -192,8 +192,8 @@ class Results(NamedTuple):
         return [row for cell in self.cells for row in cell.rows]
 
     @property
-    def contenders(self) -> list[str]:
-        return list(dict.fromkeys(cell.contender for cell in self.cells))
+    def configurations(self) -> list[str]:
+        return list(dict.fromkeys(cell.configuration for cell in self.cells))
 
     def document(self) -> dict[str, Any]:
         """Everything as JSON."""
@@ -233,19 +233,19 @@ def load_results(folder: Path, warn: Callable[[str], None] = lambda line: None) 
 def results(manifest: Mapping[str, Any], rows: Sequence[Row]) -> Results:
     """The cells that have rows, in the order of the campaign's file; their rows in the order of their seeds."""
     what, seeds = manifest["campaign"], {seed: place for place, seed in enumerate(manifest["seeds"])}
-    places, faults, contenders = (
+    places, faults, configurations = (
         {name: place for place, name in enumerate(what[key])} for key in ("places", "faults", "contenders")
     )
     groups: dict[tuple[str, str, str, str, str], list[Row]] = {}
     for row in rows:
         known = f"{row.domain}/{row.problem}" in places and row.faults in faults
-        if known and contender(row.estimator, row.monitor) in contenders and row.seed in seeds:
+        if known and configuration_name(row.estimator, row.monitor) in configurations and row.seed in seeds:
             key = (row.domain, row.problem, row.faults, row.estimator, row.monitor)
             groups.setdefault(key, []).append(row)
 
     def order(key: tuple[str, str, str, str, str]) -> tuple[int, int, int]:
         domain, problem, fault, *who = key
-        return places[f"{domain}/{problem}"], faults[fault], contenders[contender(*who)]
+        return places[f"{domain}/{problem}"], faults[fault], configurations[configuration_name(*who)]
 
     cells = []
     for key in sorted(groups, key=order):
@@ -263,8 +263,8 @@ def value(metric: Metric, rows: Sequence[Row]) -> Value:
     return Value(fmean(said), interval, len(said))
 
 
-def contender(estimator: str, monitor: str) -> str:
-    """What an estimator with a monitor is called; see `executive.lab.campaign.design.Contender`."""
+def configuration_name(estimator: str, monitor: str) -> str:
+    """The name of an estimator with a monitor; see `executive.lab.campaign.design.Configuration`."""
     return f"{estimator}, {monitor}" if monitor else estimator
 
 
@@ -273,7 +273,7 @@ def _cell(cell: Cell) -> dict[str, Any]:
         "domain": cell.domain,
         "problem": cell.problem,
         "faults": cell.faults,
-        "contender": cell.contender,
+        "contender": cell.configuration,
         "episodes": len(cell.rows),
         "outcomes": dict(sorted(Counter(row.outcome for row in cell.rows).items())),
         "values": {

@@ -1,6 +1,6 @@
 """The record of a campaign: `episodes.jsonl`, one line an episode, written as each comes to its end.
 
-A line is on disk before the next episode is handed out in its place (`executive.lab.common.journal`). A damaged one is
+A line is on disk before the next episode is submitted (`executive.lab.common.journal`). A damaged one is
 named, left out and played again."""
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ FILE = "episodes.jsonl"
 
 
 class Rows:
-    """The rows that there are, by their keys, and the file that more are written to. A context manager.
+    """The rows by key, and the file to which more are appended. A context manager.
 
     Args:
-        warn: is told of damage.
+        warn: receives a line per damaged row.
 
     Raises:
         InputError: the file cannot be read or written.
@@ -36,7 +36,7 @@ class Rows:
         damaged: list[str] = []
         self.known: dict[tuple[str, ...], Row] = read_rows(folder, damaged.append)
         try:
-            if damaged:  # what is whole is written anew, so that the same is not said each time
+            if damaged:  # the intact rows are written anew, so that the warning is not repeated
                 for line in damaged:
                     warn(f"{line}; it is played again")
                 write_atomically(self._path, b"".join(map(_line, self.known.values())))
@@ -51,7 +51,7 @@ class Rows:
         self._journal.close()
 
     def add(self, row: Row) -> None:
-        """Write a row down.
+        """Appends a row.
 
         Raises:
             InputError: the disk is full or gone; what was written before stays readable.
@@ -61,8 +61,8 @@ class Rows:
 
 
 def read_rows(folder: Path, damaged: Callable[[str], None]) -> dict[tuple[str, ...], Row]:
-    """The rows of a campaign's folder by their keys; of one that was played twice, the later. `damaged` is told of each
-    line that is none, by its number.
+    """The rows of a campaign's folder by their keys; of an episode that was played twice, the later. `damaged`
+    receives a text with the number of each damaged line.
 
     Raises:
         InputError: the file cannot be read.
@@ -79,7 +79,7 @@ def read_rows(folder: Path, damaged: Callable[[str], None]) -> dict[tuple[str, .
 
 
 def _renamed(row: Row) -> Row:
-    """The row of an episode in which nobody looked, as it is written now: it used to end as if the goal was seen."""
+    """The current form of the row of an episode without looks: it used to end as if the goal had been observed."""
     unseen = row.outcome == OutcomeKind.GOAL_REACHED and not row.goal_seen
     return replace(row, outcome=OutcomeKind.PLAN_COMPLETED.value) if unseen else row
 

@@ -1,4 +1,4 @@
-"""A run held against the truth while it goes on: what it notices of what was broken, and what it takes to be broken."""
+"""Scores a run against the ground truth while it goes on: detected faults, false alarms, missed failures."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from executive.types import (
 )
 
 UNSEEN = ("estimator",)
-"""Faults of whoever says what is true: there is nothing in the world to be noticed of them."""
+"""Kinds of faults of the estimator: the world has no sign of them."""
 
 
 @dataclass(slots=True)
 class Strike:
-    """A fault that struck, `time` on the world's clock, and after how many seconds something told of trouble (None:
-    nothing did)."""
+    """A fault that struck at `time` on the world's clock, and the delay in seconds until it was detected (None:
+    never)."""
 
     kind: str
     spec: str
@@ -55,16 +55,16 @@ class Tally:
 
 
 class Scorer:
-    """A sink that scores.
+    """A sink that scores a run.
 
-    Of trouble tell: a skill that reports it, what is carried seen to be gone, a camera that is left out, a planner
-    without a plan, and an atom that is not seen as expected, if in truth it is not. The first of these after a strike
-    is when that is noticed.
+    Signs of trouble are: a skill that reports it, a carried item observed to be gone, a camera that is left out, a
+    planner without a plan, and an atom that is rightly observed not to be as expected. The first of these after a fault
+    detects it.
 
     Args:
-        truth: every atom's truth, now. It is asked for right after looks, while the world stands still.
-        looks: whether the run looks at all; a blind one notices nothing, whatever its skills report.
-        own: faults, as they print, that belong to whoever is scored and not to what it meets: they are no strikes.
+        truth: returns the ground truth of every atom. It is called right after looks, while the world stands still.
+        looks: whether the run looks at all; one that does not detects nothing, whatever its skills report.
+        own: faults, as they print, of the configuration itself, which are not scored.
     """
 
     def __init__(self, truth: Callable[[], Facts], looks: bool, own: Collection[str] = ()) -> None:
@@ -110,7 +110,7 @@ class Scorer:
                 strike.noticed = round(time - strike.time, 6)
 
     def _count(self, compared: Compared, truth: Facts) -> None:
-        """What was expected, believed and true of an action's outcome in the end."""
+        """Counts an action's outcome by what was expected, believed and true in the end."""
         violated = compared.verdict.violated
         if truth.entails(compared.expected):
             self.tally.quiet += 1

@@ -37,7 +37,7 @@ def by_place(cells: Iterable[Cell]) -> dict[str, list[Cell]]:
 
 def heads() -> list[str]:
     """What the columns of a table of cells are called."""
-    return ["faults", "contender", "episodes", *map(head, METRICS)]
+    return ["faults", "configuration", "episodes", *map(head, METRICS)]
 
 
 def head(metric: Metric) -> str:
@@ -49,7 +49,7 @@ def head(metric: Metric) -> str:
 def cells_of(cell: Cell) -> list[str]:
     """A line of such a table."""
     said = [f"{value} {interval}".rstrip() for value, interval in (value_of(metric, cell) for metric in METRICS)]
-    return [cell.faults, cell.contender, f"{len(cell.rows):,}", *said]
+    return [cell.faults, cell.configuration, f"{len(cell.rows):,}", *said]
 
 
 def value_of(metric: Metric, cell: Cell) -> tuple[str, str]:

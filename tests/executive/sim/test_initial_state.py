@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from executive.errors import DomainError
-from executive.sim.initial_state import Setting, check_setting, read_setting, too_large
-from executive.sim.relation_kinds import read_meanings
+from executive.sim.initial_state import InitialState, check_initial_state, read_initial_state, too_large
+from executive.sim.relation_kinds import read_relation_kinds
 from executive.sim.spec import SceneSpec, TableSpec, read_scene
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
@@ -16,7 +16,7 @@ from executive.types import Atom, Facts
 from tests.executive.sim.stage import ITEMS, MEANING, SCENE, TABLES, grocery
 
 FILE = Path("problem.pddl")
-MEANINGS = read_meanings(MEANING, {})
+RELATION_KINDS = read_relation_kinds(MEANING, {})
 
 
 @pytest.fixture(scope="module")
@@ -32,10 +32,10 @@ def said(*literals: str) -> dict[Atom, tuple[bool, int]]:
 
 def test_what_is_said_becomes_a_setting(spec: SceneSpec) -> None:
     init = said("on-table(lemon,black-table)", "robot-gripping(bread-loaf)", "not on-table(soda-can,wood-table)")
-    assert read_setting(init, MEANINGS, spec, FILE) == Setting(
+    assert read_initial_state(init, RELATION_KINDS, spec, FILE) == InitialState(
         {"lemon": "black-table"}, {"soda-can": frozenset({"wood-table"})}, "bread-loaf"
     )
-    assert read_setting(said("robot-gripper-empty()"), MEANINGS, spec, FILE) == Setting()
+    assert read_initial_state(said("robot-gripper-empty()"), RELATION_KINDS, spec, FILE) == InitialState()
 
 
 CONTRADICTIONS = [
@@ -56,17 +56,17 @@ def test_a_contradiction_is_refused_with_its_line(
     line: int, literals: tuple[str, ...], words: str, spec: SceneSpec
 ) -> None:
     with pytest.raises(DomainError) as caught:
-        read_setting(said(*literals), MEANINGS, spec, FILE)
+        read_initial_state(said(*literals), RELATION_KINDS, spec, FILE)
     assert (caught.value.file, caught.value.key) == (FILE, f"line {line}")
     assert words in caught.value.message
 
 
 def test_what_does_not_come_about_is_refused_with_its_line() -> None:
     facts = Facts.parse("lid-on(lemon)", "not robot-gripper-empty()")
-    check_setting(said("lid-on(lemon)"), facts.only, FILE)
+    check_initial_state(said("lid-on(lemon)"), facts.only, FILE)
     for init in (said("lid-on(lemon)", "robot-gripper-empty()"), said("lid-on(lemon)", "not lid-on(lemon)")):
         with pytest.raises(DomainError) as caught:
-            check_setting(init, facts.only, FILE)
+            check_initial_state(init, facts.only, FILE)
         assert caught.value.key == "line 2"
 
 
@@ -111,7 +111,7 @@ def test_an_item_too_large_for_a_table_is_told_with_both_sizes(spec: SceneSpec) 
     wide = spec.model_copy(update={"tables": (*spec.tables, tray)})
     world = grocery(0)
     atoms = [Atom("on-table", (item, table)) for item in ITEMS for table in (*TABLES, "tray")]
-    found = too_large([*atoms, Atom("robot-gripper-empty")], MEANINGS, world.shapes, wide)
+    found = too_large([*atoms, Atom("robot-gripper-empty")], RELATION_KINDS, world.shapes, wide)
     assert {atom.args[1] for atom in found} == {"tray"}
     assert Atom("on-table", ("cereal-box", "tray")) in found
     why = found[Atom("on-table", ("cereal-box", "tray"))]

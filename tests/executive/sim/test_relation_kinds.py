@@ -8,7 +8,7 @@ import pytest
 
 from executive.errors import DomainError
 from executive.sim import relation_kinds
-from executive.sim.relation_kinds import check_kinds, read_meanings
+from executive.sim.relation_kinds import check_kinds, read_relation_kinds
 from executive.sim.relations import SimState, takes
 from executive.sim.spec import SceneSpec, read_scene
 from executive.types import Atom, Facts, Task
@@ -32,7 +32,7 @@ def check(said: str, some: Task, spec: SceneSpec) -> str:
     """What is said of a relation of the task's only predicate; nothing where it is right."""
     (predicate,) = some.parameters
     try:
-        check_kinds(read_meanings({predicate: said}, some.parameters, FILE), some, spec, FILE)
+        check_kinds(read_relation_kinds({predicate: said}, some.parameters, FILE), some, spec, FILE)
     except DomainError as error:
         return f"{error.file}: {error.key}: {error.message}".removeprefix(f"{FILE}: predicates.{predicate}.relation: ")
     return ""
@@ -61,7 +61,7 @@ def test_a_predicate_over_everything_is_right_if_some_things_fit(spec: SceneSpec
 def test_a_thing_of_the_scene_may_stand_for_itself(spec: SceneSpec) -> None:
     some = task("put-away", ("lemon",), names=("item",))
     assert check("on(?item, wood-table)", some, spec) == ""
-    (known,) = read_meanings({"put-away": "on(?item, wood-table)"}, some.parameters, FILE).values()
+    (known,) = read_relation_kinds({"put-away": "on(?item, wood-table)"}, some.parameters, FILE).values()
     assert known.about(Atom("put-away", ("lemon",))) == ("lemon", "wood-table")
     assert "did you mean 'wood-table'?" in check("on(?item, wod-table)", some, spec)
     assert "here are 1" in check("on(?item)", some, spec)

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from executive.belief import ThresholdMonitor, Thresholds
 from executive.core.policy import Settings
 from executive.faults import FaultInjector, parse_fault
-from executive.lab.campaign.design import Campaign, Contender, Episode, Place
+from executive.lab.campaign.design import Campaign, Configuration, Episode, Place
 from executive.lab.campaign.episode import Player, Row, out_of_reach, row
 from executive.lab.campaign.scoring import Scorer, Tally
 from executive.lab.common.process_pool import ReportProgress
@@ -30,12 +30,12 @@ FAULTS = {"none": (), "drops": ("drop:p=0.3",), "all sorts": ("drop:p=0.2", "mis
 
 
 def campaign(seeds: int = 4, **changes: object) -> Campaign:
-    """Two contenders and three lists of faults, in the symbolic world."""
+    """Two configurations and three lists of faults, in the symbolic world."""
     what = {
         "title": "Things and places",
         "seeds": tuple(range(seeds)),
         "places": (Place("things", "fake", "things", files="1234"),),
-        "contenders": (Contender("none", kind="none"), Contender("oracle", kind="oracle")),
+        "configurations": (Configuration("none", kind="none"), Configuration("oracle", kind="oracle")),
         "faults": MappingProxyType(FAULTS),
     }
     return Campaign(**{**what, **changes})  # type: ignore[arg-type]
@@ -55,11 +55,11 @@ class Watchers(Recorder):
 
 
 def staged(episode: Episode) -> Stage:
-    """The stage of an episode. A contender called `hasty` takes one answer in twenty the wrong way round."""
+    """The stage of an episode. A configuration called `hasty` takes one answer in twenty the wrong way round."""
     seed, dice = episode.seed, random.Random(episode.seed)
     where = {"a": dice.choice("pr"), "b": dice.choice("pq")}
-    stage = Stage(GOAL, where, settings=Settings(seed, max_replans=10), blind=episode.contender.kind == "none")
-    if episode.contender.estimator == "hasty":
+    stage = Stage(GOAL, where, settings=Settings(seed, max_replans=10), blind=episode.configuration.kind == "none")
+    if episode.configuration.estimator == "hasty":
 
         def answer(look: int, atom: Atom, truth: bool) -> float:
             return float(truth is not (dice.random() < 0.05))

@@ -12,8 +12,8 @@ import pytest
 
 from executive.app.monitors import MonitorConfig
 from executive.errors import InputError
-from executive.lab.campaign.campaign_folder import MANIFEST, WORK, Bench, read_manifest
-from executive.lab.campaign.design import Campaign, Contender, Episode, Place
+from executive.lab.campaign.campaign_folder import MANIFEST, WORK, CampaignFolder, read_manifest
+from executive.lab.campaign.design import Campaign, Configuration, Episode, Place
 from executive.lab.campaign.episode import Row
 from executive.lab.campaign.rows import FILE, Rows, read_rows
 from executive.lab.common.progress import Progress
@@ -32,8 +32,8 @@ def kept(out: Path) -> dict[tuple[str, ...], Row]:
 def sit(out: Path, made: Campaign | None = None, warn: Callable[[str], None] = print, **chosen: Any) -> Here:
     """Have everything played that is missing."""
     pool = Here()
-    with Bench(made or campaign(), out, COMMAND, warn) as bench:
-        assert bench.play(bench.wanted(**chosen), pool)
+    with CampaignFolder(made or campaign(), out, COMMAND, warn) as folder:
+        assert folder.play(folder.wanted(**chosen), pool)
     return pool
 
 
@@ -57,13 +57,13 @@ def test_one_that_was_cancelled_goes_on_with_what_it_lacks(
     tmp_path: Path, whole: dict[tuple[str, ...], Row], after: int
 ) -> None:
     pool = Here()
-    with Bench(campaign(), tmp_path, COMMAND) as bench:
+    with CampaignFolder(campaign(), tmp_path, COMMAND) as folder:
 
         def watch(progress: Progress) -> None:
             if progress.new >= after:
-                bench.cancel()
+                folder.cancel()
 
-        assert not bench.play(bench.wanted(), pool, watch)
+        assert not folder.play(folder.wanted(), pool, watch)
     assert len(kept(tmp_path)) == after
     assert len(sit(tmp_path).done) == len(whole) - after
     assert kept(tmp_path) == whole
@@ -73,8 +73,8 @@ def test_one_that_was_cancelled_goes_on_with_what_it_lacks(
 def test_progress_counts_what_there_is_and_what_is_new(tmp_path: Path) -> None:
     sit(tmp_path, seeds=1)
     told: list[Progress] = []
-    with Bench(campaign(), tmp_path, COMMAND) as bench:
-        bench.play(bench.wanted(), Here(), told.append)
+    with CampaignFolder(campaign(), tmp_path, COMMAND) as folder:
+        folder.play(folder.wanted(), Here(), told.append)
     assert [(each.points, each.wanted, each.new) for each in told] == [(6 + new, 24, new) for new in range(19)]
 
 
@@ -87,12 +87,12 @@ def test_what_failed_is_left_alone_until_it_is_to_be_tried_again(
                 raise RuntimeError("no luck")
             return super().do(job)
 
-    with Bench(campaign(), tmp_path, COMMAND) as bench:
-        assert bench.play(bench.wanted(), Unlucky())
-        assert bench.missing(bench.wanted()) == []
-        bench.retry()
-        assert len(bench.missing(bench.wanted())) == 6
-        assert bench.play(bench.wanted(), Here())
+    with CampaignFolder(campaign(), tmp_path, COMMAND) as folder:
+        assert folder.play(folder.wanted(), Unlucky())
+        assert folder.missing(folder.wanted()) == []
+        folder.retry()
+        assert len(folder.missing(folder.wanted())) == 6
+        assert folder.play(folder.wanted(), Here())
     assert kept(tmp_path) == whole
 
 
@@ -101,8 +101,11 @@ def test_a_part_is_played_first_and_the_rest_later(tmp_path: Path, whole: dict[t
     assert {(row.estimator, row.seed) for row in kept(tmp_path).values()} == {("oracle", 0), ("oracle", 1)}
     sit(tmp_path)
     assert kept(tmp_path) == whole
-    with Bench(campaign(), tmp_path, COMMAND) as bench, pytest.raises(InputError, match="did you mean 'oracle'"):
-        bench.wanted(only=["orakle"])
+    with (
+        CampaignFolder(campaign(), tmp_path, COMMAND) as folder,
+        pytest.raises(InputError, match="did you mean 'oracle'"),
+    ):
+        folder.wanted(only=["orakle"])
 
 
 def test_what_a_kill_left_and_what_is_damaged_is_played_again(
@@ -149,8 +152,8 @@ def test_rows_from_before_a_blind_outcome_had_a_name_of_its_own_count_the_same(
         ({"faults": MappingProxyType({**FAULTS, "drops": ("drop:p=0.4",)})}, "the faults 'drops' were others"),
         ({"places": (Place("things", "fake", "things", files="5678"),)}, "the files of 'things/fake' were others"),
         (
-            {"contenders": (Contender("oracle", kind="oracle", judge=MonitorConfig(memory=False)),)},
-            "the contender 'oracle' was another one",
+            {"configurations": (Configuration("oracle", kind="oracle", monitor_config=MonitorConfig(memory=False)),)},
+            "the configuration 'oracle' was another one",
         ),
         ({"options": MappingProxyType({"grasp_noise": 0.01})}, "grasp noise is None there and 0.01 here"),
     ],
@@ -158,11 +161,11 @@ def test_rows_from_before_a_blind_outcome_had_a_name_of_its_own_count_the_same(
 def test_another_campaign_in_the_same_folder_is_refused(tmp_path: Path, changes: Any, difference: str) -> None:
     sit(tmp_path, seeds=1)
     with pytest.raises(InputError, match=f"holds another campaign .{difference}.; choose another folder with --out"):
-        Bench(campaign(**changes), tmp_path, COMMAND)
+        CampaignFolder(campaign(**changes), tmp_path, COMMAND)
 
 
 def test_another_version_is_another_campaign_but_not_before_anything_was_played(tmp_path: Path) -> None:
-    Bench(campaign(), tmp_path, COMMAND).__exit__(None, None, None)
+    CampaignFolder(campaign(), tmp_path, COMMAND).__exit__(None, None, None)
     manifest = read_manifest(tmp_path)
     manifest["campaign"]["versions"]["mujoco"] = "2.0"
     (tmp_path / MANIFEST).write_text(json.dumps(manifest))
@@ -170,11 +173,11 @@ def test_another_version_is_another_campaign_but_not_before_anything_was_played(
     sit(tmp_path, seeds=1)
     (tmp_path / MANIFEST).write_text(json.dumps(manifest))
     with pytest.raises(InputError, match=r"mujoco is 2\.0 there and "):
-        Bench(campaign(), tmp_path, COMMAND)
+        CampaignFolder(campaign(), tmp_path, COMMAND)
 
 
 def test_a_campaign_may_grow(tmp_path: Path, whole: dict[tuple[str, ...], Row]) -> None:
-    small = campaign(2, faults=MappingProxyType({"none": ()}), contenders=(Contender("oracle", kind="oracle"),))
+    small = campaign(2, faults=MappingProxyType({"none": ()}), configurations=(Configuration("oracle", kind="oracle"),))
     sit(tmp_path, small)
     assert len(sit(tmp_path).done) == 22
     assert kept(tmp_path) == whole
@@ -184,15 +187,15 @@ def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.txt").write_text("years of work")
     with pytest.raises(InputError, match="is not empty and holds no campaign"):
-        Bench(campaign(), tmp_path / "thesis", COMMAND)
+        CampaignFolder(campaign(), tmp_path / "thesis", COMMAND)
     with pytest.raises(InputError, match="is not a folder"):
-        Bench(campaign(), tmp_path / "thesis" / "chapter.txt", COMMAND)
+        CampaignFolder(campaign(), tmp_path / "thesis" / "chapter.txt", COMMAND)
     with (
-        Bench(campaign(), tmp_path / "out", COMMAND),
+        CampaignFolder(campaign(), tmp_path / "out", COMMAND),
         pytest.raises(InputError, match="another process is working in this folder, playing a campaign since"),
     ):
-        Bench(campaign(), tmp_path / "out", COMMAND)
-    Bench(campaign(), tmp_path / "out", COMMAND).__exit__(None, None, None)
+        CampaignFolder(campaign(), tmp_path / "out", COMMAND)
+    CampaignFolder(campaign(), tmp_path / "out", COMMAND).__exit__(None, None, None)
 
 
 @pytest.mark.parametrize(
@@ -206,4 +209,4 @@ def test_a_damaged_manifest_is_one_line(tmp_path: Path, text: str, told: str) ->
     with pytest.raises(InputError, match=told):
         read_manifest(tmp_path)
     with pytest.raises(InputError, match=told):
-        Bench(campaign(), tmp_path, COMMAND)
+        CampaignFolder(campaign(), tmp_path, COMMAND)

@@ -35,7 +35,7 @@ def test_what_a_file_leaves_out_goes_without_saying(tmp_path: Path) -> None:
     made = read_campaign(written(tmp_path, HEAD))
     assert (made.title, made.seeds, made.size, made.minutes) == ("Two cubes and a tray", (0, 1), 2, 20.0)
     assert [str(place) for place in made.places] == ["tray/fill-tray"]
-    assert [str(who) for who in made.contenders] == ["oracle"]
+    assert [str(who) for who in made.configurations] == ["oracle"]
     first, second = made.episodes()
     assert first.key == ("tray", "fill-tray", "no faults", "oracle", "", "0")
     assert (first.config.domain, first.config.problem, first.config.seed) == (str(TRAY), None, 0)
@@ -84,20 +84,20 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
         "small, plain",
         "small, doubtful",
     ]
-    assert [str(who) for who in made.contenders] == names
+    assert [str(who) for who in made.configurations] == names
     assert made.size == 2 * 2 * 2 * 7 == len(list(made.episodes()))
     last = list(made.episodes())[-1]
     assert last.key == ("grocery", "one-item", "some", "small", "doubtful", "3")
     assert last.config.eye == EstimatorConfig(vlm=str(tmp_path / "eye"), translator="none", instructions=False)
     assert last.config.monitor == MonitorConfig(alpha=0.1, trust=tmp_path / "trust.json")
-    assert (last.config.max_looks_again, last.config.guard) == (1, False), "what a contender has for itself goes first"
-    plain = next(episode for episode in made.episodes() if str(episode.contender) == "small, plain")
+    assert (last.config.max_looks_again, last.config.guard) == (1, False), "its own options go first"
+    plain = next(episode for episode in made.episodes() if str(episode.configuration) == "small, plain")
     assert (plain.config.max_looks_again, plain.config.guard) == (2, True)
-    assert made.contenders[1].judge == PRESETS["plain"]
+    assert made.configurations[1].monitor_config == PRESETS["plain"]
     options = (last.config.home_pose, last.config.grasp_noise, last.config.max_replans, last.config.max_actions)
     assert options == (False, 0.004, 9, 40)
     own = EstimatorConfig(str(tmp_path / "eye"), instructions="own.md", cameras=("front",), abstention=False)
-    assert made.contenders[3].eye == own
+    assert made.configurations[3].eye == own
     told = made.described()["contenders"]["papers, plain"]
     assert (told["eye"]["cameras"], told["eye"]["abstention"]) == (["front"], False)
     told = made.described()["contenders"]["small, doubtful"]
@@ -182,7 +182,7 @@ def test_files_that_are_none(tmp_path: Path) -> None:
 def test_a_model_is_asked_for_when_there_is_something_for_it_to_see(tmp_path: Path) -> None:
     made = read_campaign(written(tmp_path, HEAD + "[estimators]\noracle = {}\nvlm = {}\n"))
     episodes = list(made.episodes())
-    check([episode for episode in episodes if str(episode.contender) == "oracle"])
+    check([episode for episode in episodes if str(episode.configuration) == "oracle"])
     with pytest.raises(InputError, match="--out tray-eye"):
         check(episodes)
 

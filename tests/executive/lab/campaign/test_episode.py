@@ -15,7 +15,7 @@ from executive.app.estimators import EstimatorConfig
 from executive.app.monitors import MonitorConfig
 from executive.app.run import RunConfig
 from executive.errors import InputError, MissingError
-from executive.lab.campaign.design import Contender, Episode, Place
+from executive.lab.campaign.design import Configuration, Episode, Place
 from executive.lab.campaign.episode import FAILED, Simulated, command, out_of_reach, row_of
 from executive.lab.common.process_pool import JobResult
 from executive.types import Facts
@@ -77,7 +77,7 @@ def test_what_no_atom_is_true_of_is_out_of_reach() -> None:
 
 
 def test_an_episode_in_the_simulator_is_scored_by_its_truth(tmp_path: Path) -> None:
-    place, who = Place("tray", "fill-tray", str(TRAY)), Contender("oracle", kind="oracle")
+    place, who = Place("tray", "fill-tray", str(TRAY)), Configuration("oracle", kind="oracle")
     config = RunConfig(str(TRAY), seed=1, estimator="oracle", faults=("miss@1",), viewer=False, max_actions=2)
     made = Simulated(tmp_path)(Episode(place, "missed", who, 1, config))
     assert (made.outcome, made.goal_true, made.actions, made.lost, made.error) == ("gave-up", False, 2, (), "")

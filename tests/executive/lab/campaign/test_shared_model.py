@@ -16,7 +16,7 @@ from executive import cli
 from executive.app.estimators import EstimatorConfig
 from executive.app.run import RunConfig
 from executive.cli import campaign_commands
-from executive.lab.campaign.design import Contender, Episode, Place
+from executive.lab.campaign.design import Configuration, Episode, Place
 from executive.lab.campaign.episode import Row, Simulated, row_of
 from executive.lab.common.process_pool import ProcessPool
 from executive.s3e.backends.interface import YES_NO, Answer, AnswerWords, Backend
@@ -38,7 +38,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def episodes(model: Path, seeds: int) -> list[Episode]:
     eye = EstimatorConfig(str(model))
-    who = Contender("tiny", kind="vlm", eye=eye)
+    who = Configuration("tiny", kind="vlm", eye=eye)
     place = Place("tray", "fill-tray", str(TRAY))
     limits: dict[str, Any] = {"viewer": False, "max_actions": 1, "max_looks": 4, "max_replans": 2}
     return [
@@ -125,15 +125,15 @@ def test_before_an_episode_is_handed_out_there_is_time_to_see_to_things() -> Non
 
 
 LOCAL, DISTANT = EstimatorConfig("a folder"), EstimatorConfig(server="http://127.0.0.1:9/v1")
-SEEING = Contender("vlm", kind="vlm")
-BLIND = [Contender("oracle"), Contender("distant", kind="vlm", eye=DISTANT)]
+SEEING = Configuration("vlm", kind="vlm")
+BLIND = [Configuration("oracle"), Configuration("distant", kind="vlm", eye=DISTANT)]
 
 
 @pytest.mark.parametrize(
-    ("contenders", "said", "jobs", "gpu", "shared"),
+    ("configurations", "said", "jobs", "gpu", "shared"),
     [
         ([*BLIND, SEEING], None, 2, True, True),
-        ([Contender("vlm", kind="vlm", eye=LOCAL)], None, 2, True, True),
+        ([Configuration("vlm", kind="vlm", eye=LOCAL)], None, 2, True, True),
         ([SEEING], None, 2, False, False),
         ([SEEING], None, 1, True, False),
         ([SEEING], True, 1, False, True),
@@ -145,7 +145,7 @@ BLIND = [Contender("oracle"), Contender("distant", kind="vlm", eye=DISTANT)]
 def test_a_model_is_shared_where_that_saves_a_gpu_from_more_of_them_or_it_is_wanted(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    contenders: list[Contender],
+    configurations: list[Configuration],
     said: bool | None,
     jobs: int,
     gpu: bool,
@@ -153,7 +153,7 @@ def test_a_model_is_shared_where_that_saves_a_gpu_from_more_of_them_or_it_is_wan
 ) -> None:
     place = Place("tray", "fill-tray", str(TRAY))
     wanted = [
-        Episode(place, "none", who, 0, RunConfig(str(TRAY), estimator=who.kind, eye=who.eye)) for who in contenders
+        Episode(place, "none", who, 0, RunConfig(str(TRAY), estimator=who.kind, eye=who.eye)) for who in configurations
     ]
     monkeypatch.setattr("executive.s3e.backends.loading.has_gpu", lambda: gpu)
     with campaign_commands._processes(tmp_path, wanted, jobs, 600.0, said) as pool:

@@ -18,7 +18,7 @@ from executive.belief.conformal import Conformal
 from executive.belief.sensor_model import ErrorModel, SensorModel
 from executive.domain.loader import load_domain
 from executive.lab.campaign.config_file import model_digest
-from executive.lab.campaign.design import Campaign, Contender, Place
+from executive.lab.campaign.design import Campaign, Configuration, Place
 
 FLIPS = (0.02, 0.05, 0.1)
 PLAIN, CONSISTENT, REMEMBERING, FULL = "plain threshold", "+ consistency", "+ memory", "+ looking again"
@@ -67,7 +67,7 @@ def oracles(folder: Path) -> list[Looking]:
 def spoiled(way: str, known: SensorFit, folder: Path) -> Looking:
     """The shipped eye whose pictures are spoiled, such as blurred=5, with what was learned of it."""
     draft = sensor_fit.save(folder / "draft.json", "grocery", known)
-    file = folder / f"{way}-{zlib.crc32(draft.read_bytes()):08x}.json"  # another trust is another contender
+    file = folder / f"{way}-{zlib.crc32(draft.read_bytes()):08x}.json"  # another trust is another configuration
     draft.replace(file)
     how, _, amount = way.partition("=")
     return Looking(f"eye, {how} {amount}", "vlm", (f"camera:{how},amount={amount}@0-",), file)
@@ -79,7 +79,7 @@ def campaign(places: Sequence[Place], eyes: Sequence[Looking], seeds: int, fault
         title="What a monitor is worth",
         seeds=tuple(range(seeds)),
         places=tuple(places),
-        contenders=tuple(_contender(eye, setting) for eye in eyes for setting in SETTINGS),
+        configurations=tuple(_configuration(eye, setting) for eye in eyes for setting in SETTINGS),
         faults=MappingProxyType({"faults": tuple(faults or FAULTS)}),
         options=MappingProxyType({"max_actions": 60}),
     )
@@ -94,7 +94,7 @@ def grocery(problems: Sequence[str]) -> list[Place]:
     return [Place("grocery", name, "grocery", name, load_domain("grocery", name).fingerprint()) for name in problems]
 
 
-def _contender(eye: Looking, setting: str) -> Contender:
+def _configuration(eye: Looking, setting: str) -> Configuration:
     judge, model = _JUDGES[setting], ""
     if eye.trust is not None and setting != PLAIN:
         judge = replace(judge, trust=eye.trust)
@@ -102,7 +102,7 @@ def _contender(eye: Looking, setting: str) -> Contender:
         from executive.app.estimators import shipped
 
         model = model_digest(Path(str(shipped("grocery"))))
-    return Contender(
+    return Configuration(
         eye.name,
         setting,
         eye.kind,
