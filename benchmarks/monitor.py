@@ -196,7 +196,7 @@ def main() -> int:
     parser.add_argument("--only", action="append", choices=PARTS, help="this part; repeat it for more")
     parser.add_argument("--looks", type=int, help="only the first so many of the collection")
     parser.add_argument("--courses", type=int, default=30, help="made-up courses of 20 actions, without --data")
-    parser.add_argument("--seeds", type=int, default=10, help="in the simulator, of each contender")
+    parser.add_argument("--seeds", type=int, default=10, help="in the simulator, of each configuration")
     parser.add_argument("--symbolic-seeds", type=int, default=200, help="in the symbolic world")
     parser.add_argument("--problem", action="append", help="of the grocery domain: breakfast if not given; repeat it")
     parser.add_argument("--fault", action="append", help=f"{', '.join(configurations.FAULTS)} if none is given")
