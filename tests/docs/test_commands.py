@@ -61,7 +61,9 @@ def lines(block: Block) -> list[str]:
 
 
 PAGES = [page for page in DOCUMENTS if page not in [DOCS / followed for followed in FOLLOWED]]
-SHELL = [block for page in PAGES for block in blocks(page) if block.language == "sh"]
+SHELL = [
+    block for page in PAGES for block in blocks(page) if block.language == "sh" and not block.note.startswith("not run")
+]
 COMMANDS = [block for block in SHELL if not all(IN_A_SHELL.search(line) for line in lines(block))]
 
 
