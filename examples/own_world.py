@@ -2,7 +2,7 @@
 
     python -m examples.own_world
 
-The smallest thing that is a `World` with its `Skill`s and its `Estimator`; docs/how-to/own-world.md goes through it.
+The smallest `Simulator` with its `Skill`s and its `Estimator`; docs/how-to/own-world.md goes through it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from executive import (
     Atom,
     Belief,
     Ended,
-    Executive,
     FastDownwardPlanner,
     FaultInjector,
     Frame,
@@ -32,6 +31,7 @@ from executive import (
     SkillStatus,
     Step,
     TerminalSink,
+    make_executive,
     parse_fault,
     read_task,
 )
@@ -89,15 +89,26 @@ class Board:
         if self._listener is not None:
             self._listener(Frame({}, np.zeros(1), 0.0))
 
+    def schedule(self, delay: float, action: Callable[[], None]) -> None:
+        self._scheduled.append((self.time + delay, action))
+
+    def stop(self) -> None:
+        """The hand moves only while a skill has time pass."""
+
+    def scenery(self) -> Scenery:
+        return Scenery()
+
+    def watch(self, listener: Callable[[Frame], None] | None) -> None:
+        self._listener = listener
+
+    # Up to here it is a `World`. What follows makes it a `Simulator`.
+
     def snapshot(self) -> bytes:
         return json.dumps([self.where, self.time, self.clumsy]).encode()
 
     def restore(self, snapshot: bytes) -> None:
         self.where, self.time, self.clumsy = json.loads(snapshot)
         self._scheduled.clear()
-
-    def schedule(self, delay: float, action: Callable[[], None]) -> None:
-        self._scheduled.append((self.time + delay, action))
 
     def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
         if kind == "miss":
@@ -112,12 +123,6 @@ class Board:
             raise InputError(f"no marble {marble!r}; there are {', '.join(self.where)}")
         self.where[marble] = str(rng.choice(self.cups))
         return f"{marble} ends up in the {self.where[marble]} cup"
-
-    def scenery(self) -> Scenery:
-        return Scenery()
-
-    def watch(self, listener: Callable[[Frame], None] | None) -> None:
-        self._listener = listener
 
 
 def take(step: Step, context: SkillContext) -> SkillResult:
@@ -204,7 +209,7 @@ def main(faults: Sequence[str] = ("drop@2",), seed: int = 1) -> Ended:
     marbles = [name for name, kind in task.objects.items() if kind == "marble"]
     cups = [name for name, kind in task.objects.items() if kind == "cup"]
     board = Board({atom.args[0]: atom.args[1] for atom in sorted(task.declared) if atom.predicate == "in"}, cups)
-    executive = Executive(
+    executive = make_executive(
         task,
         FastDownwardPlanner(schema),
         board,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from executive import former_names
 from executive.errors import DomainError, ExecutiveError, InputError, MissingError
-from executive.protocols import Estimator, Planner, Sink, Skill, SkillContext, World
+from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, SkillContext, World
 from executive.types import (
     Atom,
     Belief,
@@ -40,6 +40,7 @@ from executive.types import (
 )
 
 if TYPE_CHECKING:
+    from executive.app.assembly import make_executive
     from executive.app.config import RunConfig
     from executive.app.run import Run, load_skills, resume, run
     from executive.core.compare import compare, progress, regress
@@ -90,6 +91,7 @@ __all__ = [
     "RunConfig",
     "Scenery",
     "SimState",
+    "Simulator",
     "Sink",
     "Skill",
     "SkillContext",
@@ -106,6 +108,7 @@ __all__ = [
     "load_domain",
     "load_skills",
     "load_subject",
+    "make_executive",
     "parse_fault",
     "progress",
     "read_task",
@@ -129,6 +132,7 @@ _FROM = {
     "TerminalSink": "executive.trace.terminal",
     "Truth": "executive.sim.truth",
     "compare": "executive.core.compare",
+    "make_executive": "executive.app.assembly",
     "load_domain": "executive.domain",
     "load_skills": "executive.app.run",
     "load_subject": "executive.domain",

@@ -1,4 +1,5 @@
-"""The five seams. Whatever keeps these shapes can take part: a real robot, another planner, another eye."""
+"""The interfaces between the loop and its parts. Whatever has these methods can take part: a real robot, another
+planner, another estimator."""
 
 from __future__ import annotations
 
@@ -68,7 +69,7 @@ class Asking(Protocol):
 
 @runtime_checkable
 class World(Protocol):
-    """Where the robot lives: a simulator or the real thing."""
+    """The robot and its surroundings: all that the loop needs of them, and that a real robot can offer."""
 
     @property
     def time(self) -> float:
@@ -81,21 +82,12 @@ class World(Protocol):
         ...
 
     def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
-        """Take a look: every camera, or those named that there are, and the joints."""
+        """Take a picture with every camera, or with those named that there are, and read the joints."""
         ...
 
-    def snapshot(self) -> bytes:
-        """The complete state, so that `restore` continues as if nothing had happened in between."""
-        ...
-
-    def restore(self, snapshot: bytes) -> None: ...
-
-    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
-        """Break something now, as a fault demands, and say in plain words what was done.
-
-        Raises:
-            InputError: this world does not know the kind or an argument.
-        """
+    def stop(self) -> None:
+        """Have the robot stand still. The loop calls it once a run is over, whatever ended it; a robot that stands
+        still already goes on doing so."""
         ...
 
     def schedule(self, delay: float, action: Callable[[], None]) -> None:
@@ -108,6 +100,32 @@ class World(Protocol):
 
     def watch(self, listener: Callable[[Frame], None] | None) -> None:
         """Tell `listener` where things are, some times a second of the world's time, while it moves."""
+        ...
+
+
+@runtime_checkable
+class Simulator(World, Protocol):
+    """A world that can be saved, restored and disturbed, which only a simulated one can: asked for by faults, by the
+    snapshots that a run is resumed from, and by the lab."""
+
+    def snapshot(self) -> bytes:
+        """The complete state, so that `restore` continues as if nothing had happened in between."""
+        ...
+
+    def restore(self, snapshot: bytes) -> None:
+        """Continue from a snapshot. What was scheduled for later is forgotten.
+
+        Raises:
+            InputError: the bytes are no snapshot of this world.
+        """
+        ...
+
+    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
+        """Break something now, as a fault demands, and say in plain words what was done.
+
+        Raises:
+            InputError: this world does not know the kind or an argument.
+        """
         ...
 
 

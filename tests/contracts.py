@@ -19,7 +19,7 @@ import pytest
 from executive.core.attention import alike
 from executive.core.compare import compare, progress
 from executive.errors import InputError
-from executive.protocols import Estimator, Planner, Sink, Skill, SkillContext, World
+from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, SkillContext, World
 from executive.types import (
     Atom,
     Belief,
@@ -174,7 +174,7 @@ class EstimatorContract(ABC):
 
 
 class WorldContract(ABC):
-    """A clock that only runs when time passes, looks that change nothing, a state that can be saved and restored."""
+    """A clock that only runs when time passes, looks that change nothing, a robot that can be stopped."""
 
     @abstractmethod
     def make(self) -> World: ...
@@ -204,21 +204,6 @@ class WorldContract(ABC):
             assert alike(alone, {camera: image})
         assert not world.observe("with eyes shut", ()).images
 
-    def test_a_restored_state_goes_on_as_if_nothing_had_happened(self) -> None:
-        world = self.make()
-        self.pass_time(world, 0.1)
-        snapshot, moment = world.snapshot(), world.time
-        self.pass_time(world, 0.3)
-        once, until = world.observe(), world.time
-        assert until > moment
-        world.restore(snapshot)
-        assert world.time == moment
-        self.pass_time(world, 0.3)
-        again = world.observe()
-        assert world.time == until
-        assert np.array_equal(once.joints, again.joints)
-        assert alike(once.images, again.images)
-
     def test_what_is_scheduled_happens_once_and_in_time(self) -> None:
         world = self.make()
         start, happened = world.time, list[float]()
@@ -239,6 +224,40 @@ class WorldContract(ABC):
         self.pass_time(world, 1.0)
         assert len(frames) == seen
 
+    def test_it_can_be_drawn(self) -> None:
+        assert isinstance(self.make().scenery(), Scenery)
+
+    def test_it_can_be_stopped_at_any_time_and_goes_on(self) -> None:
+        world = self.make()
+        for _ in range(2):
+            world.stop()
+        standing, moment = world.observe().joints, world.time
+        self.pass_time(world, 0.3)
+        assert world.time > moment
+        assert world.observe().joints == pytest.approx(standing, abs=1e-3)
+
+
+class SimulatorContract(WorldContract):
+    """A world whose state can be saved and restored, and that can be disturbed."""
+
+    @abstractmethod
+    def make(self) -> Simulator: ...
+
+    def test_a_restored_state_goes_on_as_if_nothing_had_happened(self) -> None:
+        world = self.make()
+        self.pass_time(world, 0.1)
+        snapshot, moment = world.snapshot(), world.time
+        self.pass_time(world, 0.3)
+        once, until = world.observe(), world.time
+        assert until > moment
+        world.restore(snapshot)
+        assert world.time == moment
+        self.pass_time(world, 0.3)
+        again = world.observe()
+        assert world.time == until
+        assert np.array_equal(once.joints, again.joints)
+        assert alike(once.images, again.images)
+
     def test_a_disturbance_says_what_it_did_and_an_unknown_one_is_bad_input(self) -> None:
         world = self.make()
         for kind in ("drop", "miss", "shove"):
@@ -248,15 +267,12 @@ class WorldContract(ABC):
         with pytest.raises(InputError, match="'no-such-item'"):
             world.disturb("shove", np.random.default_rng(1), item="no-such-item")
 
-    def test_it_can_be_drawn(self) -> None:
-        assert isinstance(self.make().scenery(), Scenery)
-
 
 class SkillContract(ABC):
     """A skill reports what it did, in its phases' proper names, and stops when it is told to."""
 
     @abstractmethod
-    def make(self) -> tuple[Skill, World]:
+    def make(self) -> tuple[Skill, Simulator]:
         """A skill, in a world where `possible` can be carried out."""
 
     @abstractmethod
@@ -268,11 +284,11 @@ class SkillContract(ABC):
         """A step whose thing is not where the step says it is."""
 
     @abstractmethod
-    def holds(self, world: World, facts: Facts) -> bool:
+    def holds(self, world: Simulator, facts: Facts) -> bool:
         """Whether the facts are true in the world; the scorer's view."""
 
     def carry_out(
-        self, skill: Skill, world: World, step: Step, patience: float = float("inf")
+        self, skill: Skill, world: Simulator, step: Step, patience: float = float("inf")
     ) -> tuple[SkillResult, list[Phase | Motion]]:
         """What the skill says and announces; it is cancelled after `patience` seconds of the world's time."""
         announced: list[Phase | Motion] = []

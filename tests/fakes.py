@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from executive.app.assembly import make_executive
 from executive.belief import BayesMonitor, Monitor, MutexNetwork, ThresholdMonitor, Thresholds
 from executive.belief.mutex_inference import Group
 from executive.core.attention import Attention
@@ -148,6 +149,7 @@ class FakeWorld:
     def __init__(self, where: Mapping[str, str], places: Sequence[str]) -> None:
         self.where, self.places = dict(where), tuple(places)
         self.now = 0.0
+        self.stopped = 0  # how often it was told to stand still
         self.missing = False  # the next grasp closes beside its thing
         self.past: dict[int, dict[str, str]] = {}  # what each observation could have shown
         self.cameras: dict[str, Callable[[FakeWorld], Image]] = {}
@@ -172,6 +174,9 @@ class FakeWorld:
         self.past[number] = dict(self.where)
         images = {name: draw(self) for name, draw in self.cameras.items() if cameras is None or name in cameras}
         return Observation(number, self.now, images, np.zeros(1), cause, self.noisy)
+
+    def stop(self) -> None:
+        self.stopped += 1
 
     def snapshot(self) -> bytes:
         return json.dumps([self.where, self.now, self.missing]).encode()
@@ -460,7 +465,7 @@ class Stage:
         self.prepare: list[Preparing] = []
 
     def executive(self) -> Executive:
-        return Executive(
+        return make_executive(
             self.task,
             self.planner,
             self.world,

@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 
 from executive.app import sensor_fit
+from executive.app.assembly import make_executive
 from executive.belief import EXACT, ActionModel, BayesMonitor, Monitor, MutexNetwork, ThresholdMonitor
-from executive.core.loop import Executive
 from executive.faults import FaultInjector, faulty_estimator, parse_fault
 from executive.lab.campaign.design import Episode, Place
 from executive.lab.campaign.episode import Player, Row, out_of_reach, row
@@ -37,7 +37,7 @@ def play(episode: Episode, tell: ReportProgress = lambda done: None) -> Row:
     own = [str(parse_fault(spec)) for spec in episode.configuration.faults]
     scorer = Scorer(lambda: world.truth(some.atoms), True, own)
     faults = FaultInjector([parse_fault(spec) for spec in config.faults], world, seed)
-    Executive(
+    make_executive(
         some,
         Courier(some),
         world,

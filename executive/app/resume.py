@@ -14,7 +14,7 @@ from pathlib import Path
 from executive.belief import Monitor
 from executive.belief.interface import Memory
 from executive.errors import InputError
-from executive.protocols import World
+from executive.protocols import Simulator
 from executive.trace.record import snapshots
 from executive.trace.record.codec import decode, encode
 from executive.trace.record.log import EVENTS_FILE, read_events
@@ -116,7 +116,7 @@ class PastRun:
         """Return all recorded events."""
         return read_events(self.folder, images) if self.started is not None else ()
 
-    def restore(self, world: World) -> int:
+    def restore(self, world: Simulator) -> int:
         """Restore a world from the last readable snapshot, and return the snapshot's cycle.
 
         Raises:

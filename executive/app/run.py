@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from executive.app.assembly import make_executive
 from executive.app.config import CONFIG, ESTIMATORS, RunConfig, check_folder, make_folder, read_config
 from executive.app.estimators import EstimatorConfig, open_estimator, with_default_model
 from executive.app.monitors import open_monitor
@@ -179,7 +180,7 @@ class Run:
         faults = FaultInjector(injected, self.world, config.seed)
         skills, moves = load_skills(self.domain), load_moves(self.domain)
         preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
-        return Executive(
+        return make_executive(
             self.domain.task,
             punctual_planner(faulty_planner(self._feasible(planner), faults), config.patience),
             faulty_world(self.world, faults),

@@ -8,19 +8,19 @@ step that was dispatched; a cycle whose step could not begin has none.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 
-from executive.belief import Monitor, ThresholdMonitor
+from executive.belief import Monitor
+from executive.belief.interface import Judgement
 from executive.core import policy
-from executive.core.attention import Attention
 from executive.core.compare import compare
-from executive.core.observer import Observer
+from executive.core.observer import Look, Observer
 from executive.core.policy import Settings, Try
 from executive.core.run_state import Leeway, RunState
 from executive.core.session import Session
 from executive.errors import InputError
-from executive.protocols import Estimator, FaultSource, Planner, Preparing, Sink, Skill, World
+from executive.protocols import Planner, Preparing, Skill
 from executive.types import (
     Atom,
     Belief,
@@ -30,6 +30,7 @@ from executive.types import (
     Dispatched,
     Ended,
     Facts,
+    Judged,
     NoPlan,
     NoPlanReason,
     Plan,
@@ -46,64 +47,58 @@ from executive.types import (
 class Executive:
     """Carries one task to an end that has a name. An instance runs once.
 
+    It receives its parts and builds none; `executive.app.assembly.make_executive` puts the usual ones together.
+
     Args:
+        monitor: weighs the answers of each look into a belief.
         skills: by the name of the action that each carries out.
-        estimator: says what is true after a look. Without one the executive is the blind baseline: it is told
-            `initial`, never looks, assumes each step's effects and carries on whatever its skills report. At the end
-            it claims the goal because it believes it, with `goal_seen` false because nobody looked.
-        sinks: see every event. One that raises is dropped with a warning, and nothing else changes.
-        initial: what a blind executive is told; one that looks has to see it for itself.
-        monitor: what is made of the looks; without one, each answer is taken at its word.
-        attention, moves: where to look for what, and skills that clear the view, by name, the mildest first.
-        course: how the run stands, where another process began it.
+        session: delivers events to the sinks and dispatches steps.
+        observer: takes the looks. Without one the executive is the blind baseline: it is given `initial`, never looks,
+            assumes each step's effects and carries on whatever its skills report. At the end it claims the goal
+            because it believes it, with `goal_seen` false because nobody looked.
+        initial: what holds at first, for a blind executive; one that looks has to see it for itself.
+        run_state: how the run stands, where another process began it.
         prepare: what has to be made ready before the first look.
         domain, run: names for the trace.
 
     Raises:
-        InputError: neither an estimator nor initial facts.
+        InputError: neither an observer nor initial facts.
     """
 
     def __init__(
         self,
         task: Task,
         planner: Planner,
-        world: World,
+        monitor: Monitor,
         skills: Mapping[str, Skill],
-        estimator: Estimator | None,
-        sinks: Sequence[Sink] = (),
+        session: Session,
+        observer: Observer | None = None,
         settings: Settings | None = None,
-        faults: FaultSource | None = None,
         initial: Facts | None = None,
         domain: str = "",
         run: str = "",
-        monitor: Monitor | None = None,
-        attention: Attention | None = None,
-        moves: Mapping[str, Skill] | None = None,
         run_state: RunState | None = None,
         prepare: Iterable[Preparing] = (),
     ) -> None:
-        if estimator is None and initial is None:
+        self.is_blind = observer is None
+        if observer is not None:
+            self.observer = observer
+        elif initial is None:
             raise InputError("an executive that does not look (it has no estimator) must be told the initial facts")
-        self.planner, self.world, self.skills, self.estimator = planner, world, skills, estimator
-        self.settings, self.domain, self.name = settings or Settings(), domain, run
-        self._prepare = prepare
-        monitor, attention = monitor or ThresholdMonitor(task.atoms), attention or Attention()
-        self.run_state = run_state or RunState(
-            task, task.goal, Facts() if estimator else initial or Facts(), monitor.begin()
-        )
-        self._session = Session(sinks, world, self.settings.seed, faults, lambda: self.run_state.cycle)
-        self._emit, self.cancel = self._session.emit, self._session.cancel
-        if estimator:
-            self._observer = Observer(estimator, world, monitor, attention, moves or {}, self._session, self.settings)
+        self.planner, self.monitor, self.skills, self._session = planner, monitor, skills, session
+        self.settings, self.domain, self.name, self._prepare = settings or Settings(), domain, run, prepare
+        known = initial if self.is_blind and initial else Facts()
+        self.run_state = run_state or RunState(task, task.goal, known, monitor.begin())
+        self._emit, self.cancel = session.emit, session.cancel
 
     @property
     def seconds(self) -> float:
-        """How long the run has been going on, on the wall's clock, all its processes together."""
+        """How many wall seconds the run has taken so far, in all its processes together."""
         return self._session.seconds
 
     @property
     def seconds_left(self) -> float:
-        """What is left of the budget on the wall's clock."""
+        """How many wall seconds are left of the budget."""
         return max(0.0, self.settings.max_seconds - self.seconds)
 
     def run(self) -> Ended:
@@ -122,13 +117,15 @@ class Executive:
             return self._decide(end.decision)
 
     def _until_stopped(self) -> Decision:
-        eye, task, settings = self.estimator.name if self.estimator else "none", self.run_state.task, self.settings
-        started = Started(self.name, self.domain, task, eye, settings.seed, asdict(settings))
-        self._session.open(self.run_state.since or started, self.estimator)
+        name, questions = ("none", None) if self.is_blind else (self.observer.name, self.observer.questions)
+        settings = asdict(self.settings)
+        started = Started(self.name, self.domain, self.run_state.task, name, self.settings.seed, settings)
+        self._session.cycle = self.run_state.cycle
+        self._session.open(self.run_state.since or started, questions)
         self._session.prepare(self._prepare)
         decision = self._first_look()
         while decision.kind is not DecisionKind.STOP:
-            self._session.heed()
+            self._session.check_cancelled()
             if decision.kind is DecisionKind.GIVE_UP_GOAL:
                 decision = self._go_around(decision)
             elif decision.kind is DecisionKind.REPLAN or self.run_state.plan is None:
@@ -141,18 +138,18 @@ class Executive:
 
     def _first_look(self) -> Decision:
         """1. Look at the world; estimate every atom; that is the initial state."""
-        if self.estimator is None:
+        if self.is_blind:
             self._emit(Belief.certain(self.run_state.known))
             return Decision(DecisionKind.CONTINUE, "told what holds")
         self._in_time()
-        self.run_state = self._observer.look_at_all(self.run_state, "first look")
+        self._weigh(self.observer.look_at_all(self.run_state, "first look"))
         while True:
             atoms, looks = self.run_state.task.atoms, self.run_state.moment.looks
             decision = self._decide(policy.first(atoms, self.run_state.known, looks, self.settings))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision
             self._in_time()
-            self.run_state = self._observer.again(self.run_state, "first look", decision.evidence)
+            self._weigh(self.observer.look_again(self.run_state, "first look", decision.evidence))
 
     def _make_plan(self) -> Decision:
         """2 and 5. Plan from what is believed."""
@@ -163,7 +160,7 @@ class Executive:
             decision = policy.unplanned(plan, answers[plan.reason], self.run_state.doubts(self.settings), self.settings)
             if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
                 self._in_time()
-                self.run_state = self._observer.again(self.run_state, "there is no plan", decision.evidence)
+                self._weigh(self.observer.look_again(self.run_state, "there is no plan", decision.evidence))
             elif decision.kind is DecisionKind.GIVE_UP_GOAL and (hunch := self._hunch()) is not None:
                 self._decide(policy.on_a_hunch(decision, hunch))
                 return self._attempt(hunch)
@@ -179,16 +176,17 @@ class Executive:
             return self._decide(stop)
         self._in_time()
         self.run_state = self.run_state.next_cycle()
+        self._session.cycle = self.run_state.cycle
         step = self.run_state.left[0]
-        if self.estimator and (decision := self._check(step)):
+        if not self.is_blind and (decision := self._check(step)):
             return decision
         self.run_state = self.run_state.dispatched()
         order = Dispatched(step, self.run_state.actions, self.run_state.attempt, self.run_state.todo[0])
-        guard = self._observer.guard(step) if self.estimator else None
+        guard = None if self.is_blind else self.observer.guard(step)
         result = self._session.dispatch(order, self.skills, guard)
         if crash := policy.crashed(result):
             return self._decide(crash)
-        return self._judge(result) if self.estimator else self._assume(result)
+        return self._assume(result) if self.is_blind else self._judge(result)
 
     def _check(self, step: Step) -> Decision | None:
         """The step's preconditions against what is known, with a few looks' patience; None when it can begin."""
@@ -203,16 +201,19 @@ class Executive:
                 self.run_state = self.run_state.failed(step, known, decision)
                 return decision
             self._in_time()
-            self.run_state, waits = (
-                self._observer.look(self._observer.waited(self.run_state), f"before {step}"),
-                waits + 1,
-            )
+            self.observer.begin_moment()
+            self.run_state = self.run_state.waiting(self.monitor.acted(self.run_state.memory, None))
+            self._weigh(self.observer.look(self.run_state, f"before {step}"))
+            waits += 1
 
     def _judge(self, result: SkillResult) -> Decision:
         """What was expected of the step against what is seen of it."""
         cause = f"after {result.step}"
         self._in_time()
-        self.run_state = self._observer.look(self._observer.acted(self.run_state, result), cause)
+        self.observer.begin_moment()
+        memory = self.monitor.acted(self.run_state.memory, result.step, result)
+        self.run_state = self.run_state.acted(result, memory)
+        self._weigh(self.observer.look(self.run_state, cause))
         while True:
             self._compare("effects", self.run_state.expected, self.run_state.seen)
             turn = self.run_state.turn(result)
@@ -220,7 +221,7 @@ class Executive:
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 break
             self._in_time()
-            self.run_state = self._observer.again(self.run_state, cause, decision.evidence, surprised=not turn.doubts)
+            self._weigh(self.observer.look_again(self.run_state, cause, decision.evidence, surprised=not turn.doubts))
         self.run_state = self.run_state.judged(turn, decision)
         if turn.verdict.violated:
             self._emit(Revised(self.run_state.known, self.run_state.known.only(turn.verdict.violated)))
@@ -234,12 +235,12 @@ class Executive:
 
     def _finish(self) -> Decision:
         """6. Done means that the goal is seen to hold, in a full look."""
-        if self.estimator is None:
+        if self.is_blind:
             return self._decide(policy.finish_blind(self.run_state.goal))
         cause, checks = "is the goal reached?", 1
         if not self.run_state.asked_all:
             self._in_time()
-            self.run_state = self._observer.look_at_all(self.run_state, cause)
+            self._weigh(self.observer.look_at_all(self.run_state, cause))
         while True:
             self.run_state = run_state = self.run_state.whole_goal_seen()
             verdict = self._compare("goal", run_state.goal, run_state.claimable(self.settings.claim))
@@ -254,7 +255,8 @@ class Executive:
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision if plan is None else self._take_up(plan, whole)
             self._in_time()
-            self.run_state, checks = self._observer.again(run_state, cause, decision.evidence), checks + 1
+            self._weigh(self.observer.look_again(run_state, cause, decision.evidence))
+            checks += 1
 
     def _given_another_chance(self) -> tuple[Plan | None, Facts]:
         """A plan for what was given up, too, or for the first part of it that does not hang on a step that is stuck,
@@ -277,15 +279,15 @@ class Executive:
         doubted = [atom for atom in sorted(verdict.unknown & answered.keys()) if atom not in run_state.tried]
         if verdict.violated or not verdict.holds or not doubted:
             return None
-        return self._plan_as_if(doubted[0], self._observer.otherwise(run_state, doubted[0]))
+        return self._plan_as_if(doubted[0], self.monitor.state_without(run_state.memory, doubted[0]))
 
     def _hunch(self) -> Try | None:
         """How to reach the goal, as it cannot be reached from what is believed, from what may be so."""
-        if self.estimator is None:
+        if self.is_blind:
             return None
         for atom in self.run_state.hunches[: self.settings.max_goal_plans]:
             self._in_time()
-            if (found := self._plan_as_if(atom, self._observer.supposing(self.run_state, atom))) is not None:
+            if (found := self._plan_as_if(atom, self.monitor.state_with(self.run_state.memory, atom))) is not None:
                 return found
         return None
 
@@ -373,6 +375,12 @@ class Executive:
                 return NoPlan(NoPlanReason.UNSOLVABLE, said, without=answer.without)
             avoid |= stuck
 
+    def _weigh(self, look: Look) -> None:
+        """What one more look makes of the belief."""
+        memory, judgement = self.monitor.looked(self.run_state.memory, look.answers, self.run_state.cycle)
+        self._emit(_judged(judgement))
+        self.run_state = self.run_state.looked(memory, judgement, look.answers, look.looked)
+
     def _in_time(self) -> None:
         """To be asked before anything that is waited for.
 
@@ -404,3 +412,15 @@ class _TimeIsUpError(Exception):
 
 def _probed(goal: Facts, answer: Plan | NoPlan) -> Probed:
     return Probed(goal, None, answer) if isinstance(answer, NoPlan) else Probed(goal, answer)
+
+
+def _judged(judgement: Judgement) -> Judged:
+    return Judged(
+        judgement.belief.observation_id,
+        judgement.probability,
+        judgement.seen,
+        judgement.contradictions,
+        judgement.overruled,
+        judgement.remembered,
+        judgement.came_about,
+    )

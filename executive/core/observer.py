@@ -1,6 +1,6 @@
-"""Looks: what is asked of which pictures, again and more closely, and while something is carried.
+"""Observers: what is asked about which pictures, again and more closely, and while something is carried.
 
-Nothing here decides anything. The loop says what to look at and what to make of it.
+Nothing here decides anything: the loop says what to look at, and its monitor weighs the answers.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple, Protocol
 
-from executive.belief.interface import Judgement, Monitor
 from executive.core.attention import Attention, alike, useless
 from executive.core.hold_guard import HoldGuard
 from executive.core.policy import Settings
@@ -22,25 +22,69 @@ from executive.types import (
     Blinded,
     Facts,
     Image,
-    Judged,
     Looked,
     LookKind,
     Observation,
-    SkillResult,
+    Questions,
     Step,
     Timing,
 )
 
 
-class Observer:
-    """Takes one run's looks, and tells of each what it showed and what it cost.
+class Look(NamedTuple):
+    """The estimator's answers, and which look they are from."""
 
-    A picture that tells nothing (its camera is black, or frozen) is left out and said so; where none is left, every
+    answers: Belief
+    looked: Looked
+
+
+class Observer(Protocol):
+    """Takes one run's looks. `cause` says in the trace what a look is for."""
+
+    @property
+    def name(self) -> str:
+        """The estimator's."""
+        ...
+
+    @property
+    def questions(self) -> Questions | None:
+        """What a model is asked in words, where one is."""
+        ...
+
+    def look(self, run_state: RunState, cause: str) -> Look:
+        """Look at what matters now: everything, where that is no more than a look may ask about."""
+        ...
+
+    def look_at_all(self, run_state: RunState, cause: str) -> Look:
+        """Look at everything."""
+        ...
+
+    def look_again(self, run_state: RunState, cause: str, atoms: Sequence[Atom], surprised: bool = False) -> Look:
+        """Look once more at the same moment, at the atoms in doubt.
+
+        Args:
+            surprised: they were not as expected. That may have any cause, so that everything has to be asked about
+                first.
+        """
+        ...
+
+    def begin_moment(self) -> None:
+        """The world may have changed: looks from here on are independent of those before."""
+        ...
+
+    def guard(self, step: Step) -> HoldGuard | None:
+        """Who watches what the step's skill carries; None where that is not known."""
+        ...
+
+
+class CameraObserver:
+    """Looks through the world's cameras, and emits what each look showed and what it cost.
+
+    A picture that shows nothing (its camera is black, or frozen) is left out and reported; where none is left, every
     atom is unanswered. A model that was asked about a picture is not asked the same again: its second answer would be
-    the first one and no second witness.
+    the first one and no independent evidence.
 
     Args:
-        monitor: makes something of the answers.
         attention: which cameras show what best.
         moves: skills that bring the arm out of the way, by name, the mildest first.
     """
@@ -49,33 +93,35 @@ class Observer:
         self,
         estimator: Estimator,
         world: World,
-        monitor: Monitor,
-        attention: Attention,
-        moves: Mapping[str, Skill],
         session: Session,
         settings: Settings,
+        attention: Attention | None = None,
+        moves: Mapping[str, Skill] | None = None,
     ) -> None:
-        self._estimator, self._world, self._monitor, self._attention = estimator, world, monitor, attention
-        self._moves, self._session, self._settings = dict(moves), session, settings
+        self.estimator, self._world, self._session, self._settings = estimator, world, session, settings
+        self._attention, self._moves = attention or Attention(), dict(moves or {})
         self._latest: dict[str, Image] = {}
         self._useless: dict[str, str] = {}
         self._answered: list[tuple[Mapping[str, Image], frozenset[Atom]]] = []
 
-    # Each takes how the run stands and returns how it stands with one more look, or with what makes the next one new.
+    @property
+    def name(self) -> str:
+        return self.estimator.name
 
-    def look(self, run_state: RunState, cause: str) -> RunState:
-        """Look at what matters now: everything, where that is no more than a look may ask about."""
+    @property
+    def questions(self) -> Questions | None:
+        estimator: object = self.estimator  # whether it asks in words is for the running program to find out
+        return estimator.questions if isinstance(estimator, Asking) else None
+
+    def look(self, run_state: RunState, cause: str) -> Look:
         return self._look(run_state, cause, {(): run_state.questions(self._settings.max_questions)}, LookKind.FOCUSED)
 
-    def look_at_all(self, run_state: RunState, cause: str) -> RunState:
-        """Look at everything."""
+    def look_at_all(self, run_state: RunState, cause: str) -> Look:
         return self._look(run_state, cause, {(): run_state.task.atoms}, LookKind.FULL)
 
-    def again(self, run_state: RunState, cause: str, atoms: Sequence[Atom], surprised: bool = False) -> RunState:
-        """Look once more at the same moment, at what is in doubt alone: through the cameras that show it best, then
-        each time with the arm further out of the way, as far as it gets. Where no camera shows it better than the
-        others, the arm moves at once. What took it by surprise may have come to anything: then all that there is has to
-        have been asked about first."""
+    def look_again(self, run_state: RunState, cause: str, atoms: Sequence[Atom], surprised: bool = False) -> Look:
+        """Look through the cameras that show the atoms best, then each time with the arm further out of the way, as far
+        as it gets. Where no camera shows them better than the others, the arm moves at once."""
         if surprised and not run_state.asked_all:
             return self.look_at_all(run_state, cause)
         groups = self._attention.groups(atoms)
@@ -84,26 +130,10 @@ class Observer:
             return self._look(run_state, cause, {(): atoms}, LookKind.MOVED)
         return self._look(run_state, cause, groups, LookKind.CLOSER if any(groups) else LookKind.FOCUSED)
 
-    def acted(self, run_state: RunState, result: SkillResult) -> RunState:
-        """A skill was at work since: what is seen from here on is another moment."""
+    def begin_moment(self) -> None:
         self._answered = []
-        return run_state.acted(result, self._monitor.acted(run_state.memory, result.step, result))
-
-    def otherwise(self, run_state: RunState, atom: Atom) -> Facts | None:
-        """What is most probable if an atom is not what it is believed to be."""
-        return self._monitor.state_without(run_state.memory, atom)
-
-    def supposing(self, run_state: RunState, atom: Atom) -> Facts | None:
-        """What is most probable if an atom is true."""
-        return self._monitor.state_with(run_state.memory, atom)
-
-    def waited(self, run_state: RunState) -> RunState:
-        """Time went by in which the world may have changed."""
-        self._answered = []
-        return run_state.waiting(self._monitor.acted(run_state.memory, None))
 
     def guard(self, step: Step) -> HoldGuard | None:
-        """Who watches what the step's skill carries; nobody where that is not known."""
         atom = self._attention.held(step)
         if atom is None:
             return None
@@ -114,9 +144,9 @@ class Observer:
         began = time.monotonic()
         observation = self._world.observe(f"is {atom} so?", self._attention.guard or self._attention.shown or None)
         self._session.emit(observation)
-        images = self._trusted(observation)
+        images = self._usable(observation)
         belief = self._ask(observation, images, [atom])
-        self._tell(observation, belief, LookKind.GUARD, images, 1)
+        self._report(observation, belief, LookKind.GUARD, images, 1)
         self._session.emit(Timing("guard", time.monotonic() - began))
         return belief
 
@@ -130,37 +160,30 @@ class Observer:
 
     def _look(
         self, run_state: RunState, cause: str, groups: Mapping[tuple[str, ...], Sequence[Atom]], kind: LookKind
-    ) -> RunState:
+    ) -> Look:
         """One look; `groups` are the atoms to ask about, by the cameras to show (none: all of them)."""
         close: dict[tuple[str, ...], list[Atom]] = {}
-        for cameras, atoms in groups.items():  # a camera that tells nothing does not show best what it looks at
+        for cameras, atoms in groups.items():  # a camera that shows nothing does not show best what it looks at
             close.setdefault(tuple(camera for camera in cameras if camera not in self._useless), []).extend(atoms)
         with self._session.stage("observe"):
             every = self._attention.shown or None
             wanted = every if () in close else {camera for cameras in close for camera in cameras}
             observation = self._world.observe(cause, wanted)
         self._session.emit(observation)
-        good = self._trusted(observation)
+        good = self._usable(observation)
         with self._session.stage("estimate"):
             parts = []
             for cameras, atoms in close.items():
                 images = {camera: image for camera, image in good.items() if not cameras or camera in cameras}
-                parts.append(self._ask(observation, images, self._new(images, atoms)))
+                parts.append(self._ask(observation, images, self._unanswered(images, atoms)))
                 self._answered.append((images, frozenset(parts[-1].probability)))
-        raw = parts[0] if len(parts) == 1 else _joined(parts)
+        answers = parts[0] if len(parts) == 1 else _joined(parts)
         atoms_there_are = len(run_state.task.atoms)
         whole = kind is LookKind.FOCUSED and sum(map(len, close.values())) == atoms_there_are
-        looked = self._tell(observation, raw, LookKind.FULL if whole else kind, good, atoms_there_are)
-        return self._weighed(run_state, raw, looked)
+        return self._report(observation, answers, LookKind.FULL if whole else kind, good, atoms_there_are)
 
-    def _weighed(self, run_state: RunState, raw: Belief, looked: Looked) -> RunState:
-        """What the monitor makes of a look."""
-        memory, judgement = self._monitor.looked(run_state.memory, raw, run_state.cycle)
-        self._session.emit(_judged(judgement))
-        return run_state.looked(memory, judgement, raw, looked)
-
-    def _trusted(self, observation: Observation) -> dict[str, Image]:
-        """The pictures that tell something; the others are reported."""
+    def _usable(self, observation: Observation) -> dict[str, Image]:
+        """The pictures that show something; the others are reported."""
         images = observation.images
         bad = useless(images, self._latest if observation.noisy else {})
         for camera, reason in bad.items():
@@ -170,39 +193,27 @@ class Observer:
         self._latest |= images
         return {camera: image for camera, image in images.items() if camera not in bad}
 
-    def _new(self, images: Mapping[str, Image], atoms: Sequence[Atom]) -> list[Atom]:
+    def _unanswered(self, images: Mapping[str, Image], atoms: Sequence[Atom]) -> list[Atom]:
         """The atoms that no model has answered yet for just these pictures."""
-        estimator: object = self._estimator  # whether a model answers is for the running program to find out
-        if not isinstance(estimator, Asking):
+        if self.questions is None:
             return list(atoms)
         answered = {atom for shown, told in self._answered if alike(shown, images) for atom in told}
         return [atom for atom in atoms if atom not in answered]
 
     def _ask(self, observation: Observation, images: Mapping[str, Image], atoms: Sequence[Atom]) -> Belief:
         if observation.images and not images:
-            return Belief(observation.id, {}, frozenset(atoms), self._estimator.name)
+            return Belief(observation.id, {}, frozenset(atoms), self.estimator.name)
         shown = observation if images.keys() == observation.images.keys() else replace(observation, images=images)
-        return self._estimator.estimate(shown, atoms)
+        return self.estimator.estimate(shown, atoms)
 
-    def _tell(
-        self, observation: Observation, raw: Belief, kind: LookKind, images: Mapping[str, Image], atoms: int
-    ) -> Looked:
-        self._session.emit(raw)
-        looked = Looked(observation.id, kind, len(raw.probability) + len(raw.unanswered), atoms, tuple(images))
+    def _report(
+        self, observation: Observation, answers: Belief, kind: LookKind, images: Mapping[str, Image], atoms: int
+    ) -> Look:
+        self._session.emit(answers)
+        asked = len(answers.probability) + len(answers.unanswered)
+        looked = Looked(observation.id, kind, asked, atoms, tuple(images))
         self._session.emit(looked)
-        return looked
-
-
-def _judged(judgement: Judgement) -> Judged:
-    return Judged(
-        judgement.belief.observation_id,
-        judgement.probability,
-        judgement.seen,
-        judgement.contradictions,
-        judgement.overruled,
-        judgement.remembered,
-        judgement.came_about,
-    )
+        return Look(answers, looked)
 
 
 def _joined(parts: Sequence[Belief]) -> Belief:

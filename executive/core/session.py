@@ -1,6 +1,5 @@
-"""What surrounds a run: events go out to sinks, exceptions are caught and named, steps are handed to their skills.
-
-Nothing here decides anything; the loop does.
+"""What surrounds a run: events are delivered to sinks, exceptions are caught and named, steps are handed to their
+skills. Nothing here decides anything; the loop does.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import numpy as np
 
 from executive.core.hold_guard import HoldGuard
 from executive.errors import ExecutiveError
-from executive.protocols import Asking, Estimator, FaultSource, Preparing, Sink, Skill, SkillContext, World
+from executive.protocols import FaultSource, Preparing, Sink, Skill, SkillContext, World
 from executive.types import (
     COMPILE,
     Decision,
@@ -28,6 +27,7 @@ from executive.types import (
     OutcomeKind,
     Payload,
     Phase,
+    Questions,
     Resumed,
     SkillResult,
     SkillStatus,
@@ -41,33 +41,54 @@ INTERRUPTED = "interrupted"
 log = logging.getLogger(__name__)
 
 
+def stopwatch() -> Callable[[], float]:
+    """A clock that tells how many wall seconds ago it was made."""
+    start = time.monotonic()
+    return lambda: time.monotonic() - start
+
+
 class Session:
-    """One run's way out to the sinks and its guard against what its parts may do.
+    """Delivers one run's events, dispatches its steps, and keeps an exception in a part from ending the program.
 
     A sink that raises is dropped with a warning and still closed at the end. Ctrl-C that strikes inside a sink counts
     as `cancel`, so that the other sinks get the event all the same.
+
+    Args:
+        seed: fixes the random numbers of every skill.
+        faults: breaks things on purpose, where anything is to be broken.
+        clock: tells how many wall seconds ago the process began with the run; without one, a stopwatch starts now.
+
+    Attributes:
+        cycle: the loop's current one, with which events are stamped; the loop sets it.
     """
 
     def __init__(
-        self, sinks: Sequence[Sink], world: World, seed: int, faults: FaultSource | None, cycle: Callable[[], int]
+        self,
+        sinks: Sequence[Sink],
+        world: World,
+        seed: int = 0,
+        faults: FaultSource | None = None,
+        clock: Callable[[], float] | None = None,
     ) -> None:
         self._sinks, self._listening, self._world = tuple(sinks), list(sinks), world
-        self._seed, self._faults, self._cycle = seed, faults, cycle
-        self._start, self._time, self._delivering = time.monotonic(), 0.0, 0.0
+        self._seed, self._faults, self._clock = seed, faults, clock or stopwatch()
+        self.cycle = 0
+        self._before, self._time, self._delivering = 0.0, 0.0, 0.0
         self._cancelled, self._stage = "", "start"
         self._action = self._moves = 0
 
     @property
     def seconds(self) -> float:
-        """How long the run has been going on, on the wall's clock."""
-        return time.monotonic() - self._start
+        """How many wall seconds the run has taken so far, in all its processes together."""
+        return self._before + self._clock()
 
     def cancel(self, why: str = INTERRUPTED) -> None:
-        """Have the skill at work stop, and `heed` end the run. A flag: safe from any thread and signal handler."""
+        """Have the current skill stop, and `check_cancelled` end the run. This sets a flag, so it is safe in any thread
+        and signal handler."""
         self._cancelled = self._cancelled or why
 
-    def heed(self) -> None:
-        """The place to stop at when cancelled.
+    def check_cancelled(self) -> None:
+        """End the run here if it was cancelled.
 
         Raises:
             KeyboardInterrupt: cancelled.
@@ -75,34 +96,33 @@ class Session:
         if self._cancelled:
             raise KeyboardInterrupt
 
-    def open(self, first: Payload, estimator: Estimator | None) -> None:
-        """Deliver the first event, tell what is going to be asked, show what the world looks like, and have its
-        movements told from here on, and what is broken in it."""
+    def open(self, first: Payload, questions: Questions | None = None) -> None:
+        """Deliver the first event, the estimator's questions and the world's shapes; from here on, the world's
+        movements and what is broken in it are delivered, too."""
         if isinstance(first, Resumed):
-            self._action, self._start = first.actions, self._start - first.wall
+            self._action, self._before = first.actions, first.wall
         self.emit(first)
         if self._faults:
             self._faults.begin(self.emit, self._action)
-        asking: object = estimator  # whether it asks in words is for the running program to find out
-        if isinstance(asking, Asking):
-            self.emit(asking.questions)
+        if questions is not None:
+            self.emit(questions)
         self.emit(self._world.scenery())
         self._world.watch(self.emit)
 
     def prepare(self, parts: Iterable[Preparing]) -> None:
-        """Have what needs it made ready. What takes time for it is told of before, and counts as a stage of its own."""
+        """Have each part made ready. One that takes time is announced before, and is timed as a stage of its own."""
         for part in parts:
-            self.heed()
+            self.check_cancelled()
             told: list[str] = []
 
             def tell(what: str, told: list[str] = told) -> None:
                 told.append(what)
                 self.emit(Phase(COMPILE, what))
 
-            self._stage, start = COMPILE, time.monotonic()
+            self._stage, start = COMPILE, self._clock()
             part.prepare(tell)
             if told:
-                self.emit(Timing(COMPILE, time.monotonic() - start))
+                self.emit(Timing(COMPILE, self._clock() - start))
 
     def emit(self, payload: Payload) -> None:
         """Deliver an event to every sink, stamped with the cycle and both clocks."""
@@ -113,20 +133,26 @@ class Session:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Heed, then measure what happens inside as one stage of the loop, without what sinks take of the time."""
-        self.heed()
+        """Measure what happens inside as one stage of the loop, without the time that sinks take.
+
+        Raises:
+            KeyboardInterrupt: cancelled before it began.
+        """
+        self.check_cancelled()
         self._stage = name
-        start, delivering = time.monotonic(), self._delivering
+        start, delivering = self._clock(), self._delivering
         try:
             yield
             self._stage = "decide"
         finally:
-            self.emit(Timing(name, time.monotonic() - start - (self._delivering - delivering)))
+            self.emit(Timing(name, self._clock() - start - (self._delivering - delivering)))
 
     def guard(self, live: Callable[[], Decision]) -> tuple[Decision, BaseException | None]:
-        """Call `live` and return its last decision; whatever it raises becomes one. Beside it stands what is to be
-        raised again once the trace is whole: an error of the set-up, or an order to exit. The traceback of anything
-        else but Ctrl-C is logged."""
+        """Call `live` and return its last decision; whatever it raises becomes one.
+
+        The second value is what has to be raised again once the trace is complete: an error of the set-up, or an order
+        to exit. The traceback of anything else but Ctrl-C is logged.
+        """
         try:
             return live(), None
         except KeyboardInterrupt:
@@ -147,9 +173,9 @@ class Session:
         skills: Mapping[str, Skill],
         guard: HoldGuard | None = None,
     ) -> SkillResult:
-        """Hand a step to its skill, with the guard looking on. One that raises has crashed; its traceback is logged.
+        """Hand a step to its skill, watched by the guard. A skill that raises has crashed; its traceback is logged.
 
-        The skill's chance is drawn from the run's seed and the action's number alone.
+        The skill's random numbers are drawn from the run's seed and the action's number alone.
         """
         step, action, faults = order.step, order.action, self._faults
         self._action, self._moves = action, 0
@@ -183,14 +209,14 @@ class Session:
             if guard:
                 guard.close()
             self.emit(result)
-        self.heed()
+        self.check_cancelled()
         if faults:
             faults.after_action(action, step)
         return result
 
     def move(self, step: Step, skill: Skill) -> SkillResult:
-        """Have a skill bring the arm out of the way. It is no action: no fault strikes in it, and nothing is expected
-        of it. Its chance is drawn from the seed, the last action's number and how many moves there were since."""
+        """Have a skill bring the arm out of the way. It is no action: no fault strikes in it, and it has no expected
+        effects. Its random numbers are drawn from the seed, the last action's number and the number of moves since."""
         self._moves += 1
         with self.stage("skill"):
             result = skill(step, self._context((self._action, self._moves), self.emit, str))
@@ -200,11 +226,13 @@ class Session:
     def _context(
         self, key: tuple[int, ...], announce: Callable[[Phase | Motion], None], lost: Callable[[], str]
     ) -> SkillContext:
-        chance = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
-        return SkillContext(self._world.handle, chance, announce, lambda: bool(self._cancelled), lost)
+        rng = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
+        return SkillContext(self._world.handle, rng, announce, lambda: bool(self._cancelled), lost)
 
     def close(self, last: Ended, error: BaseException | None = None) -> Ended:
-        """Deliver the last event, stamped with the time of the one before it, close all sinks, and raise `error`."""
+        """Stop the robot, deliver the last event, stamped with the time of the one before it, close all sinks, and
+        raise `error`."""
+        self._guarded(self._world, self._world.stop)
         self._guarded(self._world, self._world.watch, None)
         self._deliver(last)
         for sink in self._sinks:
@@ -214,16 +242,16 @@ class Session:
         return last
 
     def _deliver(self, payload: Payload) -> None:
-        start = time.monotonic()
-        event = Event(self._cycle(), self._time, start - self._start, payload)
+        start = self._clock()
+        event = Event(self.cycle, self._time, self._before + start, payload)
         with undisturbed():
             for sink in tuple(self._listening):
                 if not self._guarded(sink, sink.write, event):
                     self._listening.remove(sink)
-        self._delivering += time.monotonic() - start
+        self._delivering += self._clock() - start
 
     def _guarded(self, part: object, call: Callable[..., None], *arguments: object) -> bool:
-        """Whether the call came through. Ctrl-C that strikes in it is kept for later."""
+        """Whether the call returned without an error. Ctrl-C that strikes in it is kept for later."""
         try:
             call(*arguments)
         except KeyboardInterrupt:

@@ -140,7 +140,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 """Every kind of fault, by the word that names it."""
 
 PHYSICAL = ("drop", "miss", "slip", "shove", "take", "swap", "tip", "push", "block")
-"""Those that a world is disturbed by (`World.disturb`); the others come between the executive and one of its parts."""
+"""Those that disturb the world (`Simulator.disturb`); the others come between the executive and one of its parts."""
 
 BY_SOMEONE = ("shove", "take", "swap", "tip", "push", "block")
 """Those that somebody does who goes about in the robot's world."""

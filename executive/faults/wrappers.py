@@ -92,14 +92,8 @@ class _World:
         self._last.update(images)
         return replace(observation, images=images)
 
-    def snapshot(self) -> bytes:
-        return self._world.snapshot()
-
-    def restore(self, snapshot: bytes) -> None:
-        self._world.restore(snapshot)
-
-    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
-        return self._world.disturb(kind, rng, **arguments)
+    def stop(self) -> None:
+        self._world.stop()
 
     def schedule(self, delay: float, action: Callable[[], None]) -> None:
         self._world.schedule(delay, action)

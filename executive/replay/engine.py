@@ -17,26 +17,22 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, NoReturn
 
-import numpy as np
-
 from executive.app.resume import remembered
 from executive.belief import Monitor
-from executive.core.attention import Attention
 from executive.core.compare import regress
 from executive.core.loop import Executive
-from executive.core.observer import Observer
+from executive.core.observer import Look
 from executive.core.policy import exhausted
 from executive.core.run_state import RunState
+from executive.core.session import Session
 from executive.errors import ExecutiveError
 from executive.protocols import SkillContext
-from executive.replay.record import Decided, Deed, Look, Part, Record
+from executive.replay.record import Decided, Deed, Part, Record
 from executive.types import (
     Atom,
-    Belief,
     Decision,
     Event,
     Facts,
-    LookKind,
     NoPlan,
     Observation,
     Plan,
@@ -68,8 +64,20 @@ def replay(record: Record, monitor: Monitor, before: Replay | None = None) -> Re
             same state is known from it.
     """
     reel, seen = _Reel(record, before.asked if before else None), _Decisions()
+    started = record.started
+    executive = Executive(
+        started.task,
+        planner=reel,
+        monitor=monitor,
+        skills=_Skills(reel),
+        session=Session([seen], _World(), clock=_Clock(record, reel, seen)),
+        observer=None if started.is_blind else _Observer(started.estimator, reel),
+        settings=record.settings,
+        initial=record.told,
+        run_state=None if record.since is None else _resumed(record, record.since, monitor),
+    )
     try:
-        _Replayed(record, monitor, reel, seen).run()
+        executive.run()
     except _RecordEndsError as end:
         return Replay(tuple(seen.decisions), str(end), end.parted, MappingProxyType(reel.asked))
     return Replay(tuple(seen.decisions), asked=MappingProxyType(reel.asked))
@@ -163,7 +171,7 @@ class _Reel:
 
 
 class _World:
-    """A world that stands still; nobody looks at it."""
+    """A world in which nothing moves, and no time passes."""
 
     time = 0.0
     handle = None
@@ -171,17 +179,11 @@ class _World:
     def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
         raise NotImplementedError
 
-    def snapshot(self) -> bytes:
-        raise NotImplementedError
-
-    def restore(self, snapshot: bytes) -> None:
-        raise NotImplementedError
-
-    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
-        raise NotImplementedError
-
     def schedule(self, delay: float, action: Any) -> None:
         raise NotImplementedError
+
+    def stop(self) -> None:
+        """Nothing moves."""
 
     def scenery(self) -> Scenery:
         return Scenery()
@@ -190,25 +192,28 @@ class _World:
         """Nothing moves."""
 
 
-class _Eye:
-    """The estimator's name; what it answered is taken from the record by `_Recorded`."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
-        raise NotImplementedError
-
-
-class _Recorded(Observer):
+class _Observer:
     """Takes the looks that were taken then."""
 
-    def __init__(self, reel: _Reel, *parts: Any) -> None:
-        super().__init__(*parts)
-        self._reel = reel
+    questions = None
 
-    def _look(self, run_state: RunState, cause: str, groups: object, kind: LookKind) -> RunState:
-        return self._weighed(run_state, *self._reel.look(cause))
+    def __init__(self, name: str, reel: _Reel) -> None:
+        self.name, self._reel = name, reel
+
+    def look(self, run_state: RunState, cause: str) -> Look:
+        return self._reel.look(cause)
+
+    def look_at_all(self, run_state: RunState, cause: str) -> Look:
+        return self._reel.look(cause)
+
+    def look_again(self, run_state: RunState, cause: str, atoms: Sequence[Atom], surprised: bool = False) -> Look:
+        return self._reel.look(cause)
+
+    def begin_moment(self) -> None:
+        """The reel knows which looks are of one moment."""
+
+    def guard(self, step: Step) -> None:
+        """What was carried then is part of the skill's recorded report."""
 
 
 class _Skills(dict[str, Any]):
@@ -239,42 +244,22 @@ class _Decisions:
         pass
 
 
-class _Replayed(Executive):
-    """The loop, with everything around it taken from a record."""
+class _Clock:
+    """No time passes in a replay. It is up where it was up then: after all that the record tells."""
 
-    def __init__(self, record: Record, monitor: Monitor, reel: _Reel, sink: _Decisions) -> None:
-        started, world = record.started, _World()
-        eye = None if started.is_blind else _Eye(started.estimator)
-        super().__init__(
-            started.task,
-            reel,
-            world,
-            _Skills(reel),
-            eye,
-            [sink],
-            record.settings,
-            initial=record.told,
-            domain=started.domain,
-            run=started.run,
-            monitor=monitor,
-            run_state=None if record.since is None else _gone_on(record, record.since, monitor),
-        )
-        self._record, self._reel, self._made = record, reel, sink.decisions
-        if eye is not None:
-            self._observer = _Recorded(reel, eye, world, monitor, Attention(), {}, self._session, record.settings)
+    def __init__(self, record: Record, reel: _Reel, made: _Decisions) -> None:
+        self._record, self._reel, self._made = record, reel, made
 
-    @property
-    def seconds(self) -> float:
-        """No time goes by in a replay. It is up where it was up then: after all that the record tells."""
-        decisions = self._record.decisions
-        out_of_time = exhausted(self.settings, seconds=math.inf)
-        at_the_end = self._reel.is_over and len(self._made) == len(decisions) - 1
+    def __call__(self) -> float:
+        settings, decisions = self._record.settings, self._record.decisions
+        out_of_time = exhausted(settings, seconds=settings.max_seconds)
+        at_the_end = self._reel.is_over and len(self._made.decisions) == len(decisions) - 1
         if at_the_end and out_of_time and decisions[-1].decision.reason == out_of_time.reason:
-            return math.inf
+            return settings.max_seconds
         return 0.0
 
 
-def _gone_on(record: Record, since: Resumed, monitor: Monitor) -> RunState:
+def _resumed(record: Record, since: Resumed, monitor: Monitor) -> RunState:
     """How the run stood when another process went on with it."""
     task, blind = record.started.task, record.started.is_blind
     memory = None if blind else remembered(record.before, monitor)

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
+from executive.core.observer import Look
 from executive.core.policy import Settings
 from executive.errors import InputError
 from executive.trace.record.codec import decode
@@ -28,13 +29,6 @@ from executive.types import (
     Started,
     Timing,
 )
-
-
-class Look(NamedTuple):
-    """What an eye answered, and what the look was."""
-
-    belief: Belief
-    looked: Looked
 
 
 class Deed(NamedTuple):

@@ -68,7 +68,7 @@ def aside(spec: SceneSpec, number: int, height: float) -> FloatArray:
 
 
 def disturb(world: MujocoWorld, kind: str, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
-    """Break something now, and say in plain words what was done; see `executive.protocols.World`.
+    """Break something now, and say in plain words what was done; see `executive.protocols.Simulator`.
 
     Raises:
         InputError: no such kind, or an argument names nothing that there is.

@@ -127,7 +127,7 @@ class MujocoWorld:
             keep_trees=keep_trees,
         )
 
-    # The World seam.
+    # executive.protocols.Simulator
 
     @property
     def time(self) -> float:
@@ -138,6 +138,9 @@ class MujocoWorld:
         number = next(self._observations)
         images = {name: sensed(self.render(name), [self._seed, number, at]) for at, name in enumerate(names)}
         return Observation(number, self.time, images, self.joints(), cause, noisy=True)
+
+    def stop(self) -> None:
+        """The servos hold the arm where it was last commanded to be, and time only passes while a skill drives it."""
 
     def render(self, camera: str) -> Image:
         """One camera's picture without noise, (H, W, 3) uint8."""

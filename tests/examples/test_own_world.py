@@ -9,9 +9,9 @@ import pytest
 
 from examples import own_world
 from examples.own_world import HAND, Board, ColourEstimator, put, take
-from executive.protocols import Estimator, Skill, World
+from executive.protocols import Estimator, Simulator, Skill, World
 from executive.types import Atom, Facts, Observation, OutcomeKind, Step
-from tests.contracts import EstimatorContract, SkillContract, WorldContract
+from tests.contracts import EstimatorContract, SimulatorContract, SkillContract
 
 CUPS = ("left", "middle", "right")
 
@@ -38,8 +38,8 @@ def truth(world: Board) -> Facts:
     return Facts.closed(true if world.held else {*true, Atom("free")}, atoms(world))
 
 
-class TestBoard(WorldContract):
-    def make(self) -> World:
+class TestBoard(SimulatorContract):
+    def make(self) -> Simulator:
         return board(red=HAND)
 
     def pass_time(self, world: World, seconds: float) -> None:
@@ -54,13 +54,13 @@ class TestEye(EstimatorContract):
 
 
 class _OnTheBoard(SkillContract):
-    def holds(self, world: World, facts: Facts) -> bool:
+    def holds(self, world: Simulator, facts: Facts) -> bool:
         assert isinstance(world, Board)
         return truth(world).entails(facts)
 
 
 class TestTake(_OnTheBoard):
-    def make(self) -> tuple[Skill, World]:
+    def make(self) -> tuple[Skill, Simulator]:
         return take, board()
 
     def possible(self) -> Step:
@@ -75,7 +75,7 @@ class TestTake(_OnTheBoard):
 
 
 class TestPut(_OnTheBoard):
-    def make(self) -> tuple[Skill, World]:
+    def make(self) -> tuple[Skill, Simulator]:
         return put, board(red=HAND)
 
     def possible(self) -> Step:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import get_args
 
-from executive.protocols import Estimator, Planner, Sink, Skill, World
+from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, World
 from executive.types import Atom, Facts, Observation, Payload, Step
 from tests.contracts import (
     EVERY_PAYLOAD,
     EstimatorContract,
     PlannerContract,
+    SimulatorContract,
     SinkContract,
     SkillContract,
-    WorldContract,
 )
 from tests.fakes import (
     FLOOR,
@@ -50,8 +50,8 @@ class TestScriptedEstimator(EstimatorContract):
         return ScriptedEstimator(world, always={at("b", "q"): None, FREE: 0.25}), world.observe(), THINGS.atoms
 
 
-class TestFakeWorld(WorldContract):
-    def make(self) -> World:
+class TestFakeWorld(SimulatorContract):
+    def make(self) -> Simulator:
         return FakeWorld({"a": "p", "b": "hand"}, ["p", "q"])
 
     def pass_time(self, world: World, seconds: float) -> None:
@@ -59,7 +59,7 @@ class TestFakeWorld(WorldContract):
 
 
 class TestFakePick(SkillContract):
-    def make(self) -> tuple[Skill, World]:
+    def make(self) -> tuple[Skill, Simulator]:
         return FakeSkill(), FakeWorld({"a": "p", "b": "p"}, ["p", "q"])
 
     def possible(self) -> Step:
@@ -68,13 +68,13 @@ class TestFakePick(SkillContract):
     def misplaced(self) -> Step:
         return pick("b", "q")
 
-    def holds(self, world: World, facts: Facts) -> bool:
+    def holds(self, world: Simulator, facts: Facts) -> bool:
         truth: Facts = world.handle.truth(facts)
         return truth == facts
 
 
 class TestFakePlace(TestFakePick):
-    def make(self) -> tuple[Skill, World]:
+    def make(self) -> tuple[Skill, Simulator]:
         return FakeSkill(), FakeWorld({"a": "hand", "b": "p"}, ["p", "q"])
 
     def possible(self) -> Step:

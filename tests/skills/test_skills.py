@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from executive.errors import InputError
-from executive.protocols import Skill, SkillContext, World
+from executive.protocols import Simulator, Skill, SkillContext
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.skills import grasps, transforms
@@ -64,16 +64,16 @@ class Robot:
 class _OnTheRobot(SkillContract):
     """The contract of skills, for a loaf of bread in the scene of seed 20."""
 
-    def holds(self, world: World, facts: Facts) -> bool:
+    def holds(self, world: Simulator, facts: Facts) -> bool:
         assert isinstance(world, MujocoWorld)
         return Truth(world, MEANING).of(tuple(facts)).entails(facts)
 
-    def table(self, world: World) -> str:
+    def table(self, world: Simulator) -> str:
         return next(t for t in TABLES if self.holds(world, Facts.parse(f"on-table(bread-loaf,{t})")))
 
 
 class TestPick(_OnTheRobot):
-    def make(self) -> tuple[Skill, World]:
+    def make(self) -> tuple[Skill, Simulator]:
         return pick, grocery(seed=20)
 
     def possible(self) -> Step:
@@ -86,7 +86,7 @@ class TestPick(_OnTheRobot):
 
 
 class TestPlace(_OnTheRobot):
-    def make(self) -> tuple[Skill, World]:
+    def make(self) -> tuple[Skill, Simulator]:
         world = grocery(seed=20)
         assert Robot(world).pick("bread-loaf", self.table(world)).done
         return place, world

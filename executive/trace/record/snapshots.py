@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from executive.errors import InputError
-from executive.protocols import World
+from executive.protocols import Simulator
 from executive.types import Dispatched, Event, FaultInjected, Moved, Resumed, SkillResult, Started
 from executive.util.atomic_write import write_atomic
 
@@ -31,7 +31,7 @@ class Snapshots:
         InputError: the folder cannot be written to.
     """
 
-    def __init__(self, run: Path | str, world: World, failed: Callable[[str], None] | None = None) -> None:
+    def __init__(self, run: Path | str, world: Simulator, failed: Callable[[str], None] | None = None) -> None:
         self._folder, self._world, self._failed = Path(run) / FOLDER, world, failed
         try:
             self._folder.mkdir(parents=True, exist_ok=True)

@@ -19,9 +19,9 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 
+from executive.app.assembly import make_executive
 from executive.app.resume import PastRun
 from executive.belief import ThresholdMonitor
-from executive.core.loop import Executive
 from executive.core.run_state import RunState
 from executive.errors import InputError
 from executive.faults import FaultInjector, parse_fault
@@ -126,7 +126,7 @@ def live(folder: Path, pipe: int, faults: tuple[str, ...], seed: int, blind: boo
         memory = None if blind else past.memory(monitor)
         run_state = RunState(TASK, GOAL, known, memory).resumed(since)
     skill = FakeSkill()
-    executive = Executive(
+    executive = make_executive(
         TASK,
         FakePlanner(steps_of(TASK)),
         world,

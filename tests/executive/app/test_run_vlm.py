@@ -18,7 +18,6 @@ from executive import cli
 from executive.app.estimators import EstimatorConfig
 from executive.app.run import Run, RunConfig, read_config
 from executive.errors import InputError
-from executive.protocols import Asking
 from executive.replay.comparison import compare_run
 from executive.s3e.backends.openai_client import KEY
 from executive.s3e.questions.prompts import GROCERY_INSTRUCTIONS
@@ -48,10 +47,10 @@ class Judge:
         if not request.images:
             return completion({"Yes": 0.9, "No": 0.1})
         self.pictures.append(len(request.images))
-        estimator: object = self.run.executive.estimator if self.run is not None else None
-        if self.broken or self.run is None or not isinstance(estimator, Asking):
+        questions = self.run.executive.observer.questions if self.run is not None else None
+        if self.broken or self.run is None or questions is None:
             return completion({"Hm": 1.0})
-        atoms = {text: atom for atom, text in estimator.questions.text.items()}
+        atoms = {text: atom for atom, text in questions.text.items()}
         atom = atoms[request.question]
         with self._alone:  # questions come at the same time, and the simulator's state is no thing to share
             truth = self.run.truth.of([atom])[atom]

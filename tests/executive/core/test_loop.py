@@ -8,18 +8,19 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from executive.app.assembly import make_executive
 from executive.belief import Thresholds
-from executive.core.loop import Executive
 from executive.core.policy import Settings
 from executive.errors import ExecutiveError, InputError, MissingError
 from executive.faults import FaultInjector, parse_fault
-from executive.protocols import SkillContext, Tell
+from executive.protocols import Simulator, SkillContext, Tell, World
 from executive.trace.report.summary import summarise
 from executive.types import (
     Atom,
@@ -134,7 +135,7 @@ class Chaos:
         specs = ["drop:p=0.3", "miss:p=0.2", "shove:p=0.2", "drop@2", "shove@1:item=a"]
         chosen = [parse_fault(spec) for spec in dice.sample(specs, dice.randint(0, 3))]
         stage.faults = FaultInjector(chosen, world, seed)
-        self.executive = Executive(
+        self.executive = make_executive(
             stage.task,
             stage.planner,
             world,
@@ -281,14 +282,14 @@ def test_a_blind_run_without_a_plan_says_so() -> None:
 def test_a_blind_run_has_to_be_told_what_holds() -> None:
     stage = Stage(GOAL, {"a": "p", "b": "p"})
     with pytest.raises(InputError, match="must be told the initial facts"):
-        Executive(stage.task, stage.planner, stage.world, {}, None)
+        make_executive(stage.task, stage.planner, stage.world, {}, None)
 
 
 def test_one_that_looks_is_not_told() -> None:
     stage = Stage(GOAL, {"a": "p", "b": "p"})
     told = Facts({at("a", "q"): True, at("b", "r"): True, at("a", "p"): False, at("b", "p"): False})
     skills = {"pick": stage.skill, "place": stage.skill}
-    executive = Executive(stage.task, stage.planner, stage.world, skills, stage.estimator, initial=told)
+    executive = make_executive(stage.task, stage.planner, stage.world, skills, stage.estimator, initial=told)
     stage.estimator._always = {at("b", "r"): None}
     executive.run()
     assert stage.planner.asked[0][0][at("b", "r")] is False
@@ -316,7 +317,7 @@ def test_an_order_to_exit_is_obeyed_once_the_trace_is_whole() -> None:
     def skill(step: Step, context: SkillContext) -> SkillResult:
         raise SystemExit(3)
 
-    executive = Executive(
+    executive = make_executive(
         stage.task, stage.planner, stage.world, {"pick": skill, "place": skill}, stage.estimator, [stage.recorder]
     )
     with pytest.raises(SystemExit):
@@ -331,7 +332,7 @@ def test_a_skill_that_is_missing_or_returns_nonsense_has_crashed(caplog: pytest.
     nonsense = Stage(GOAL, {"a": "p", "b": "p"}, script={1: "nonsense"})
     assert "it returned None, not a SkillResult" in nonsense.play().reason
     missing = Stage(GOAL, {"a": "p", "b": "p"})
-    ended = Executive(missing.task, missing.planner, missing.world, {}, missing.estimator).run()
+    ended = make_executive(missing.task, missing.planner, missing.world, {}, missing.estimator).run()
     assert (ended.outcome, ended.reason) == (
         OutcomeKind.CRASHED,
         "the skill for pick(a,p) crashed: KeyError: 'pick'",
@@ -359,7 +360,7 @@ class Broken(Recorder):
 def test_a_sink_that_raises_is_dropped_and_nothing_else_changes(after: int, caplog: pytest.LogCaptureFixture) -> None:
     stage, alone = (Stage(GOAL, {"a": "p", "b": "p"}, script={2: "land r"}) for _ in range(2))
     broken = Broken(after, OSError)
-    ended = Executive(
+    ended = make_executive(
         stage.task,
         stage.planner,
         stage.world,
@@ -376,7 +377,7 @@ def test_a_sink_that_raises_is_dropped_and_nothing_else_changes(after: int, capl
 def test_ctrl_c_in_a_sink_interrupts_the_run_and_costs_no_sink_an_event() -> None:
     stage = Stage(GOAL, {"a": "p", "b": "p"})
     broken = Broken(20, KeyboardInterrupt)
-    ended = Executive(
+    ended = make_executive(
         stage.task,
         stage.planner,
         stage.world,
@@ -387,6 +388,48 @@ def test_ctrl_c_in_a_sink_interrupts_the_run_and_costs_no_sink_an_event() -> Non
     assert ended.outcome is OutcomeKind.INTERRUPTED
     assert [event.payload for event in broken.events] == [event.payload for event in stage.recorder.events]
     assert isinstance(stage.recorder.events[-1].payload, Ended)
+
+
+@pytest.mark.parametrize("script", [{}, {2: "raise"}, {2: "interrupt"}])
+def test_the_robot_stands_still_once_the_run_is_over_whatever_ended_it(
+    script: dict[int, str], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("CRITICAL")
+    stage = Stage(GOAL, {"a": "p", "b": "p"}, script=script)
+    stage.play()
+    assert stage.world.stopped == 1
+
+
+def test_a_world_that_cannot_stop_costs_the_trace_nothing(caplog: pytest.LogCaptureFixture) -> None:
+    stage = Stage(GOAL, {"a": "p", "b": "p"})
+
+    def stop() -> None:
+        raise OSError("the robot does not answer")
+
+    stage.world.stop = stop  # type: ignore[method-assign]
+    assert stage.play().goal_seen
+    assert stage.recorder.closed == 1
+    assert "FakeWorld failed" in caplog.text
+
+
+class OnlyAWorld:
+    """What a real robot has, and nothing of a simulator."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("time", "handle", "observe", "stop", "schedule", "scenery", "watch"):
+            raise AttributeError(name)
+        return getattr(self._world, name)
+
+
+def test_the_loop_asks_for_nothing_that_only_a_simulator_has() -> None:
+    stage = Stage(GOAL, {"a": "p", "b": "p"}, attention=WATCHED, script={2: "land r"})
+    stage.world = OnlyAWorld(stage.world)  # type: ignore[assignment]
+    assert isinstance(stage.world, World)
+    assert not isinstance(stage.world, Simulator)
+    assert stage.play().goal_seen
 
 
 def test_cancelled_before_it_began() -> None:
@@ -491,7 +534,9 @@ def test_an_error_of_the_set_up_inside_a_skill_is_not_blamed_on_it() -> None:
     def skill(step: Step, context: SkillContext) -> SkillResult:
         raise MissingError("no OMPL", command="pip install ompl")
 
-    executive = Executive(stage.task, stage.planner, stage.world, {"pick": skill}, stage.estimator, [stage.recorder])
+    executive = make_executive(
+        stage.task, stage.planner, stage.world, {"pick": skill}, stage.estimator, [stage.recorder]
+    )
     with pytest.raises(MissingError):
         executive.run()
     assert [result.status for result in stage.recorder.of(SkillResult)] == [SkillStatus.CRASHED]

@@ -16,9 +16,10 @@ from typing import Any, TypeVar
 import numpy as np
 import pytest
 
+from executive.app.assembly import make_executive
 from executive.app.estimators import EstimatorConfig, open_estimator
 from executive.app.run import Run, RunConfig, load_attention, load_moves
-from executive.core.loop import Executive
+from executive.core.observer import CameraObserver
 from executive.domain.loader import load_domain
 from executive.protocols import Planner, SkillContext
 from executive.s3e import S3E
@@ -86,12 +87,13 @@ def statuses(recorder: Recorder) -> list[SkillStatus]:
 def again(run: Run) -> tuple[Ended, Recorder]:
     """Another executive, with the same parts, in the world as it is."""
     parts, recorder = run.executive, Recorder()
-    more = Executive(
+    assert isinstance(parts.observer, CameraObserver)
+    more = make_executive(
         run.domain.task,
         parts.planner,
         run.world,
         parts.skills,
-        parts.estimator,
+        parts.observer.estimator,
         [recorder],
         monitor=run.monitor,
         attention=load_attention(run.domain, run.world),

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from executive.app.assembly import make_executive
 from executive.cli.app import ctrl_c
 from executive.core.loop import Executive
 from executive.core.policy import Settings
@@ -225,7 +226,7 @@ def test_a_run_whose_skill_hangs_ends_by_name() -> None:
         raise AssertionError
 
     skills = punctual_skills({"pick": hanging, "place": stage.skill}, SOON, grace=0.0)
-    executive = Executive(
+    executive = make_executive(
         stage.task, stage.planner, stage.world, skills, stage.estimator, [stage.recorder], stage.settings
     )
     ended = executive.run()
@@ -307,7 +308,7 @@ def recorded_run(folder: Path) -> tuple[Ended, list[Event]]:
 
     sinks: list[Sink] = [Snapshots(folder, stage.world, failed), EventLog(folder, failed), stage.recorder]
     skills = {"pick": stage.skill, "place": stage.skill}
-    made.append(Executive(stage.task, stage.planner, stage.world, skills, stage.estimator, sinks))
+    made.append(make_executive(stage.task, stage.planner, stage.world, skills, stage.estimator, sinks))
     return made[0].run(), list(read_events(folder))
 
 

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from executive.app.assembly import make_executive
 from executive.core.loop import Executive
 from executive.errors import InputError
 from executive.faults import (
@@ -354,7 +355,7 @@ def played(stage: Stage, *specs: str, seed: int = 0) -> Ended:
 
 def broken(stage: Stage, *specs: str, seed: int = 0) -> Executive:
     faults = FaultInjector([parse_fault(spec) for spec in specs], stage.world, seed)
-    return Executive(
+    return make_executive(
         stage.task,
         faulty_planner(stage.planner, faults),
         faulty_world(stage.world, faults),

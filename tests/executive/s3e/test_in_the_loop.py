@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.core.loop import Executive
+from executive.app.assembly import make_executive
 from executive.protocols import Asking
 from executive.s3e import S3E, LanguageModel, Questions, generic
 from executive.trace.record.codec import decode, encode
@@ -45,7 +45,7 @@ def played(say: Callable[[Atom, bool], Said], questions: Questions | None = None
 
     eye = S3E(FakeBackend(answer), asked)
     parts = (stage.task, stage.planner, stage.world, {"pick": stage.skill, "place": stage.skill}, eye)
-    return stage, Executive(*parts, sinks=[stage.recorder], settings=stage.settings).run()
+    return stage, make_executive(*parts, sinks=[stage.recorder], settings=stage.settings).run()
 
 
 def test_a_run_that_asks_reaches_its_goal_and_records_what_it_asked() -> None:

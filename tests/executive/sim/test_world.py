@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from executive.errors import DomainError, InputError
-from executive.protocols import Estimator, World
+from executive.protocols import Estimator, Simulator, World
 from executive.sim import placement, scene
 from executive.sim.truth import Oracle, Truth
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Frame, Observation
-from tests.contracts import EstimatorContract, WorldContract
+from tests.contracts import EstimatorContract, SimulatorContract
 from tests.executive.sim.stage import ITEMS, MEANING, OBJECTS, SCENE, TABLES, grocery
 
 
@@ -24,8 +24,8 @@ def world() -> MujocoWorld:
     return grocery(seed=3)
 
 
-class TestMujocoWorld(WorldContract):
-    def make(self) -> World:
+class TestMujocoWorld(SimulatorContract):
+    def make(self) -> Simulator:
         return grocery(seed=1)
 
     def pass_time(self, world: World, seconds: float) -> None:
