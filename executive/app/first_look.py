@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 from executive.app.run import Run, RunConfig
+from executive.core.observer import CameraObserver
 from executive.util import requirements
 
 
@@ -28,8 +29,9 @@ def look() -> str:
     with tempfile.TemporaryDirectory() as folder:
         config = RunConfig("grocery", problem="one-item", runs=Path(folder), viewer=False)
         with Run(config) as prepared:
-            estimator, atoms = prepared.executive.estimator, prepared.domain.task.atoms
-            assert estimator is not None  # the default is to look
+            observer, atoms = prepared.executive.observer, prepared.domain.task.atoms
+            assert isinstance(observer, CameraObserver)  # the default is to look
+            estimator = observer.estimator
             begin = time.perf_counter()
             belief = estimator.estimate(prepared.world.observe(), atoms)
             seconds = time.perf_counter() - begin
