@@ -1,1 +1,1 @@
-"""What the robot can do: each skill carries out one kind of step on the handle that the world gives."""
+"""The skills of the robot: each executes one kind of step on the robot handle of the world."""

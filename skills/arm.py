@@ -1,4 +1,4 @@
-"""The arm as skills use it: planned motions followed with the senses awake, and fingers that know when they hold."""
+"""The arm as skills use it: planned motions that are executed under supervision, and a gripper with grasp detection."""
 
 from __future__ import annotations
 
@@ -22,34 +22,33 @@ OPEN_WIDTH = 0.080
 """m; wider than this the fingers are open."""
 
 CARRYING = 0.7
-"""Share of the speed that is gone at with something in the hand."""
+"""The share of the speed limits that is used while carrying."""
 
 _EMPTY_WIDTH = 0.004
 """m; narrower than this the fingers have closed on nothing."""
 
 _SLACK = 0.008
-"""m; what is held may shift between the pads by this much before it counts as dropped."""
+"""m by which a held item may shift between the pads before it counts as dropped."""
 
 _FIRM = 0.002
-"""m; what has shifted between the pads by less than this is held firmly, whatever those who look on may see."""
+"""m of shift between the pads below which an item is held, whatever the cameras report."""
 
 _BLOCKED = 0.15
-"""rad; a joint that is this far from where it is commanded to be is held up by something. Unhindered, it lags by less
-than 0.01."""
+"""rad of tracking error of a joint from which on it counts as blocked. Unhindered, it lags by less than 0.01."""
 
 _AT_GRIP = 0.02
-"""m between the grip point and an item that the fingers are around, at most."""
+"""The largest distance in m of the grip point from an item that the fingers are around."""
 
 _WITHDRAW = np.linspace(0.01, 0.10, 10)
-"""Heights in m through which a hand that touches something withdraws."""
+"""Heights in m of the waypoints of a withdrawal from a contact."""
 
 _GRIP_SECONDS = 0.6
 _BRAKE_SECONDS = 0.25
 
 
 class SkillError(Exception):
-    """Ends a skill early with a status and a reason; a drop also by what it was noticed. Raised and caught inside this
-    package alone."""
+    """Ends a skill early with a status and a reason; a drop also has the sense that detected it. It is raised and
+    caught inside this package alone."""
 
     def __init__(self, status: SkillStatus, reason: str, sense: Sense | None = None) -> None:
         super().__init__(reason)
@@ -57,15 +56,15 @@ class SkillError(Exception):
 
 
 class Arm:
-    """Kinematics, collision model and motion planner of one handle, and the grasps that failed with it; built once,
-    used by all its skills."""
+    """Kinematics, collision model and motion planner of one handle, and its failed grasps; built once, and shared by
+    all skills."""
 
     def __init__(self, handle: Handle) -> None:
         self.limits = handle.limits  # not the handle itself: it is the weak key under which the arm is kept
         self.kinematics = Kinematics(handle)
         self.collision = CollisionModel(handle)
         self.planner = MotionPlanner(handle.limits, self.collision)
-        self.tried = FailedGrasps()
+        self.failed_grasps = FailedGrasps()
 
 
 _ARMS: WeakKeyDictionary[Handle, Arm] = WeakKeyDictionary()
@@ -79,7 +78,7 @@ def arm_of(handle: Handle) -> Arm:
 
 
 class ArmSkill:
-    """A skill that moves the arm: what it calls is compiled before it is first needed."""
+    """A skill that moves the arm: `prepare` compiles the collision kernels before they are needed."""
 
     def __init__(self, skill: Skill) -> None:
         self._skill = skill
@@ -93,7 +92,7 @@ class ArmSkill:
 
 
 class Attempt:
-    """One execution of one step: what it has planned, done and felt so far."""
+    """The state of one execution of a step."""
 
     def __init__(self, step: Step, context: SkillContext) -> None:
         self.step, self.context = step, context
@@ -104,10 +103,10 @@ class Attempt:
         self._ahead = 0.0
         self._last_plan: Path | None = None
         self._grip_width = self.body.gripper_width() if self.holding else None
-        self._heard = False
+        self._reported_lost = False
 
     def item_and_table(self) -> tuple[str, str]:
-        """What the step names.
+        """Returns the arguments of the step.
 
         Raises:
             InputError: the domain gives this skill an action with other parameters.
@@ -119,7 +118,7 @@ class Attempt:
 
     @property
     def holding(self) -> bool:
-        """Whether the fingers are around something, as their encoders tell."""
+        """Whether the gripper holds something, by its encoders."""
         width = float(self.body.gripper_width())
         return _EMPTY_WIDTH < width < OPEN_WIDTH
 
@@ -127,20 +126,20 @@ class Attempt:
         self.context.announce(Phase(name, detail, seconds))
 
     def plan(self, goals: Sequence[FloatArray], held: Held | None = None) -> FloatArray | None:
-        """A free path (N, 6) from here to one of `goals`, among all items where they are now; None when none is found.
+        """Plans a free path (N, 6) to one of `goals`, among all items where they are now; None when none is found.
 
         Raises:
             SkillError: CANCELLED.
         """
-        self.heed()
-        self.look_around(held)
+        self.check_cancelled()
+        self.update_collisions(held)
         seed = int(self.context.rng.integers(2**31))
         found = self.arm.planner.plan(self.body.joints(), goals, seed, keep_tree=self.handle.keep_trees)
         self._last_plan = found
         return None if found is None else found.configurations
 
     def held(self) -> Held | None:
-        """What the fingers are around, as it lies in the hand at this moment; None for an empty hand."""
+        """The item in the gripper with its present pose in it; None for an empty gripper."""
         if not self.holding:
             return None
         hand, items = self.arm.kinematics.forward(self.body.joints()), self.body.obstacles()
@@ -148,8 +147,8 @@ class Attempt:
         item = min(away, key=away.__getitem__)
         return Held(item, transforms.inverse(hand) @ transforms.matrix(items[item])) if away[item] < _AT_GRIP else None
 
-    def look_around(self, held: Held | None = None, ignored: Collection[str] = ()) -> None:
-        """Bring the collision model up to date."""
+    def update_collisions(self, held: Held | None = None, ignored: Collection[str] = ()) -> None:
+        """Updates the collision model."""
         self.arm.collision.update(self.body.obstacles(), self.body.gripper_joints(), held, ignored)
 
     def move(
@@ -161,47 +160,47 @@ class Attempt:
         planned: bool = False,
         then: Sequence[FloatArray] = (),
     ) -> None:
-        """Follow a path in a phase of its own, and stop early when what is held slips out, when something is in the
-        way, or when the run is cancelled. `then` are the paths that were to follow, for telling what time that saves.
+        """Executes a path as a phase, and stops early when the held item slips out, when the arm is blocked, or when
+        the run is cancelled. `then` are the paths that were to follow, for the estimate of the time saved.
 
         Raises:
             SkillError: DROPPED, TIMED_OUT or CANCELLED, once the arm stands still.
         """
-        course = trajectory.timed(path, self.handle.limits, speed)
+        motion = trajectory.timed(path, self.handle.limits, speed)
         found = self._last_plan if planned else None
-        configurations = course.samples(0.05)
-        tree = None if found is None or found.tree is None else self._ways(found.tree).round(3)
+        configurations = motion.samples(0.05)
+        tree = None if found is None or found.tree is None else self._grip_points(found.tree).round(3)
         self.context.announce(
             Motion(
                 configurations,
-                self._ways(configurations),
-                course.seconds,
+                self._grip_points(configurations),
+                motion.seconds,
                 "line" if found is None else found.planner,
                 0.0 if found is None else found.seconds,
                 float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
                 tree,
             )
         )
-        self.phase(name, seconds=course.seconds)
+        self.phase(name, seconds=motion.seconds)
         period = self.handle.control_period
         elapsed, rate, failure = 0.0, 1.0, None
-        while elapsed < course.seconds and rate > 0.0:
-            failure = failure or self._felt() or self._blocked(course.position(elapsed))
+        while elapsed < motion.seconds and rate > 0.0:
+            failure = failure or self._felt() or self._blocked(motion.position(elapsed))
             if failure is not None:
                 rate -= period / _BRAKE_SECONDS  # slow down along the path rather than jerk to a stop
             elapsed += period * max(rate, 0.0)
-            self.body.command(course.position(elapsed), course.velocity(elapsed) * max(rate, 0.0))
+            self.body.command(motion.position(elapsed), motion.velocity(elapsed) * max(rate, 0.0))
             self.body.advance()
         if failure is not None:
             later = sum(trajectory.timed(other, self.handle.limits, 0.5).seconds for other in then)
-            self._ahead += max(0.0, course.seconds - elapsed) + later
+            self._ahead += max(0.0, motion.seconds - elapsed) + later
             if failure.status is SkillStatus.TIMED_OUT:
                 self.body.command(self.body.joints(), np.zeros_like(path[0]))  # push no further
             raise failure
-        self._arrive(course.position(course.seconds))
+        self._arrive(motion.position(motion.seconds))
 
     def close_gripper(self) -> None:
-        """Close until something is held.
+        """Closes the gripper on an item.
 
         Raises:
             SkillError: GRASP_MISSED when there is nothing between the fingers.
@@ -216,12 +215,12 @@ class Attempt:
         self._drive_gripper(0.0)
 
     def wait(self, seconds: float) -> None:
-        """Let the world's time pass."""
+        """Waits for a span of the world's time."""
         for _ in range(max(1, round(seconds / self.handle.control_period))):
             self.body.advance()
 
-    def still_held(self) -> None:
-        """Raises: SkillError: DROPPED when the hand no longer holds what it gripped."""
+    def check_held(self) -> None:
+        """Raises: SkillError: DROPPED when the gripper no longer holds the item."""
         failure = self._felt()
         if failure is not None:
             raise failure
@@ -230,8 +229,8 @@ class Attempt:
         seconds = self.body.time - self._began
         return SkillResult(self.step, status, reason, seconds, seconds + self._ahead, sense, self.holding)
 
-    def heed(self) -> None:
-        """The place to stop at, at rest, when the run is cancelled.
+    def check_cancelled(self) -> None:
+        """Ends the skill at rest when the run is cancelled.
 
         Raises:
             SkillError: CANCELLED.
@@ -239,8 +238,8 @@ class Attempt:
         if self.context.cancelled():
             raise SkillError(SkillStatus.CANCELLED, "cancelled")
 
-    def _ways(self, configurations: FloatArray) -> FloatArray:
-        """Where the end effector is in each of the configurations (..., 6): (..., 3) in m, world frame."""
+    def _grip_points(self, configurations: FloatArray) -> FloatArray:
+        """The positions of the grip point at configurations (..., 6): (..., 3) in m, world frame."""
         points = [self.arm.kinematics.forward(q)[:3, 3] for q in configurations.reshape(-1, configurations.shape[-1])]
         return np.reshape(points, (*configurations.shape[:-1], 3))
 
@@ -252,8 +251,8 @@ class Attempt:
             if shift > _SLACK:
                 self._grip_width = None
                 return SkillError(SkillStatus.DROPPED, "the fingers no longer feel what they gripped", Sense.FELT)
-            if shift > _FIRM and not self._heard and (why := self.context.lost()):
-                self._heard = True  # said once; on the way home it is known
+            if shift > _FIRM and not self._reported_lost and (why := self.context.lost()):
+                self._reported_lost = True  # reported once; on the way home it is known
                 return SkillError(SkillStatus.DROPPED, why, Sense.SEEN)
         return None
 
@@ -263,7 +262,7 @@ class Attempt:
         return SkillError(SkillStatus.TIMED_OUT, "the arm does not get where it is sent: something is in the way")
 
     def _arrive(self, goal: FloatArray) -> None:
-        """Wait for the servos to come to rest at `goal`.
+        """Waits until the servos come to rest at `goal`.
 
         Raises:
             SkillError: TIMED_OUT when they are far from it after a second.
@@ -285,7 +284,7 @@ class Attempt:
 
 
 def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) -> SkillResult:
-    """Run a skill's work and report how it ended. After a failure the arm goes home, if that is how actions end."""
+    """Runs a skill and reports how it ended. After a failure the arm goes home, if actions end there."""
     attempt = Attempt(step, context)
     try:
         work(attempt)
@@ -293,7 +292,7 @@ def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) 
         reason = failure.reason
         if failure.status is not SkillStatus.CANCELLED:
             if failure.sense is Sense.FELT:
-                attempt.open_gripper()  # for all to see; who looks on may be mistaken, and let fall what is held
+                attempt.open_gripper()  # on a felt drop alone: cameras may be wrong, and opening would drop the item
             attempt.wait(0.4)  # let what fell come to rest
             if attempt.handle.home_pose:
                 try:
@@ -305,14 +304,14 @@ def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) 
 
 
 def withdraw(attempt: Attempt, held: Held | None) -> None:
-    """Move straight up until nothing touches any more, where the arm or what it holds touches something; not at all
-    where there is no such way.
+    """Moves straight up until the arm and the held item are free of contact; does nothing if they are free already, or
+    if there is no such path.
 
     Raises:
         SkillError: whatever ends the motion.
     """
     start = attempt.body.joints()
-    attempt.look_around(held)
+    attempt.update_collisions(held)
     if attempt.arm.collision.free(start):
         return
     here = attempt.arm.kinematics.forward(start)
@@ -323,7 +322,7 @@ def withdraw(attempt: Attempt, held: Held | None) -> None:
 
 
 def go_home(attempt: Attempt) -> None:
-    """Move to the home pose, with what the hand holds; straight up first where the arm touches something.
+    """Moves to the home pose with the held item; straight up first where the arm is in contact.
 
     Raises:
         SkillError: NO_PATH when none is found, or whatever ends the motion.

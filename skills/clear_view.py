@@ -1,7 +1,7 @@
-"""Getting the arm out of the way of the eye: home(...) and aside(...), which change nothing but what can be seen.
+"""Moving the arm out of the cameras' view: home(...) and aside(...), which change the view alone.
 
 They are skills like any other, but no action of a plan names them: a domain lists them under [looking], and the loop
-calls them when something that matters cannot be told. What the hand holds is carried along.
+calls them when a relevant atom is uncertain. A held item is carried along.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from executive.skills.arm import CARRYING, ArmSkill, Attempt, SkillError, go_hom
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 
 _THERE = 0.02
-"""rad; a joint that is this near to where it belongs need not move."""
+"""rad of distance from the target below which a joint need not move."""
 
 _TURNS = (0.0, 0.35, -0.35, 0.7, -0.7, 1.05, -1.05)
 _LEANS = (0.0, -0.25, -0.5)
-"""rad; by how much the base is turned and the shoulder leant back, from where the arm is."""
+"""rad by which the base is turned and the shoulder leant back, relative to the present configuration."""
 
 _ABOVE = (0.03, 0.15)
-"""m over a table's top: what stands there reaches from about the one to about the other."""
+"""The range of heights in m over a table's top that items occupy."""
 
 _ACROSS = (-0.4, -0.2, 0.0, 0.2, 0.4)
-"""Where on a table to look, as shares of its sides from its centre."""
+"""The grid of view points on a table, as shares of its sides from its centre."""
 
 
 @ArmSkill
 def home(step: Step, context: SkillContext) -> SkillResult:
-    """Go to the home pose. It takes no time where the arm is there already.
+    """Moves to the home pose, in no time if the arm is there already.
 
     It reports NO_PATH, DROPPED, TIMED_OUT or CANCELLED as the motion ends.
     """
@@ -39,16 +39,16 @@ def home(step: Step, context: SkillContext) -> SkillResult:
 
 @ArmSkill
 def aside(step: Step, context: SkillContext) -> SkillResult:
-    """Move to a pose near by that hides less of the tables among the step's arguments (of all, if none is among them)
-    from the cameras. It takes no time where the arm hides nothing, or nothing near by is better.
+    """Moves to a nearby configuration that occludes less of the tables among the step's arguments (of all, if none is
+    among them). It takes no time if the arm occludes nothing, or no nearby configuration is better.
 
     It reports NO_PATH, DROPPED, TIMED_OUT or CANCELLED as the motion ends.
     """
     return perform(step, context, _aside)
 
 
-def sights(attempt: Attempt) -> FloatArray:
-    """What is to be seen, as points (N, 3) over the tables in question."""
+def view_points(attempt: Attempt) -> FloatArray:
+    """The points (N, 3) over the tables that the cameras should see."""
     tables = attempt.handle.tables
     wanted = [tables[name] for name in attempt.step.args if name in tables] or list(tables.values())
     points = []
@@ -67,15 +67,15 @@ def _home(attempt: Attempt) -> None:
 
 def _aside(attempt: Attempt) -> None:
     held, here = attempt.held(), attempt.body.joints()
-    attempt.look_around(held)
-    eyes, points = np.stack(list(attempt.handle.eyes.values())), sights(attempt)
-    hidden = attempt.arm.collision.hides(here, eyes, points)
+    attempt.update_collisions(held)
+    cameras, points = np.stack(list(attempt.handle.camera_positions.values())), view_points(attempt)
+    hidden = attempt.arm.collision.hides(here, cameras, points)
     if not hidden:
         return
     better = sorted(
         (count, float(np.abs(q - here).max()), index, q)
         for index, q in enumerate(_near(attempt, here))
-        if (count := attempt.arm.collision.hides(q, eyes, points)) < hidden
+        if (count := attempt.arm.collision.hides(q, cameras, points)) < hidden
     )
     if not better:
         return

@@ -1,9 +1,8 @@
-"""Is a configuration, or a whole edge, free of contact? By the hulls that MuJoCo's own check goes by, the held item's
-included, but all in one compiled call.
+"""The collision check of configurations and edges, by the convex hulls that MuJoCo uses, in one compiled call.
 
-Where a name is wanted for what touches, or a line of sight, MuJoCo is asked: it sees the meshes' hulls exactly, while
-`free` and `edge_free` see them smaller by a millimetre or two. As that is less than the clearance that they keep, they
-never take a contact for none.
+For names of touching bodies and for lines of sight MuJoCo is used: it has the exact hulls of the meshes, while `free`
+and `edge_free` use hulls that are smaller by a millimetre or two. As that is less than the clearance that they keep,
+they never miss a contact.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ _CLEARANCE = 0.004
 """m that planned configurations keep from anything, beyond the hulls."""
 
 _TOLERANCE, _COARSE = 0.001, 0.002
-"""m by which a hull may be simplified inwards: that of a hand or an item, and that of a part of the arm, which is large
-and comes near to nothing on purpose. Two of them together are no more than the clearance."""
+"""m by which a hull may be simplified inwards: that of the gripper or an item, and that of a part of the arm, which is
+large and seldom near to anything. The sum of two is no more than the clearance."""
 
 _EDGE = 0.05
 """Largest Euclidean distance in joint space (rad) between two configurations that are checked along an edge."""
@@ -44,7 +43,7 @@ _APART = {
     "wrist_2_link": _HAND_BODIES,
     "wrist_3_link": _HAND_BODIES[1:],
 }
-"""Bodies that cannot touch whatever the joints' angles are; a test goes through them."""
+"""Pairs of bodies that cannot touch at any joint angles; a test checks that."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +55,7 @@ class Held:
 
 
 class CollisionModel:
-    """The scene as the planner sees it: set up with `update`, then asked by `free`."""
+    """The collision model of the scene: `update` sets it up, `free` and `edge_free` query it."""
 
     def __init__(self, handle: Handle) -> None:
         spec = handle.planning_spec()
@@ -92,7 +91,7 @@ class CollisionModel:
         tolerances = [_COARSE if body in rough else _TOLERANCE for body in model.geom_bodyid]
         self._parts = CollisionGeometry(model, JOINTS, tolerances, _CLEARANCE)
         mujoco.mj_kinematics(model, self._data)
-        self._bodies: Arguments = self._parts.gathered(self._data)
+        self._geometry: Arguments = self._parts.arguments(self._data)
 
     def update(
         self,
@@ -101,7 +100,7 @@ class CollisionModel:
         held: Held | None = None,
         ignored: Collection[str] = (),
     ) -> None:
-        """Where the items stand (7,), how the finger joints are (rad), what is held, and which items do not count."""
+        """Sets the poses of the items (7,), the finger joints (rad), the held item, and the items to ignore."""
         for name, start in self._items.items():
             if name in items:
                 self._data.qpos[start : start + 7] = items[name]
@@ -116,19 +115,21 @@ class CollisionModel:
         self._held = held
         self._data.qpos[self._fingers] = fingers
         self._place(np.zeros(len(self._arm)))
-        self._bodies = self._parts.gathered(self._data, () if held is None else self._geoms[held.item])
+        self._geometry = self._parts.arguments(self._data, () if held is None else self._geoms[held.item])
 
     def free(self, q: FloatArray) -> bool:
-        """Whether nothing touches at the configuration `q` (6,), with the clearance kept."""
-        return bool(collision_kernels.clear(*self._bodies, _CLEARANCE, q, q, _EDGE))
+        """Whether the configuration `q` (6,) is free of contact with the clearance."""
+        return bool(collision_kernels.clear(*self._geometry, _CLEARANCE, q, q, _EDGE))
 
     def all_free(self, configurations: FloatArray) -> collision_kernels.BoolArray:
-        """Which of the configurations (N, 6) touch nothing, (N,)."""
-        return np.asarray(collision_kernels.all_clear(*self._bodies, _CLEARANCE, np.ascontiguousarray(configurations)))
+        """Which of the configurations (N, 6) are free, (N,)."""
+        """Sets the item poses (7,), the finger joints (rad), the held item, and the items to ignore."""
+            collision_kernels.all_clear(*self._geometry, _CLEARANCE, np.ascontiguousarray(configurations))
+        )
 
     def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
-        """Whether nothing touches along the straight edge between two configurations (6,), its ends included."""
-        return bool(collision_kernels.clear(*self._bodies, _CLEARANCE, start, goal, _EDGE))
+        """Whether the straight edge between two configurations (6,) is free, its ends included."""
+        return bool(collision_kernels.clear(*self._geometry, _CLEARANCE, start, goal, _EDGE))
 
     def beside(self, q: FloatArray) -> frozenset[str]:
         """The items that touch the held one at `q`."""
@@ -139,27 +140,27 @@ class CollisionModel:
         }
         return frozenset(names & self._items.keys()) - {self._held.item}
 
-    def hides(self, q: FloatArray, eyes: FloatArray, points: FloatArray) -> int:
-        """How many of the straight lines from `eyes` (M, 3) to `points` (N, 3) the arm, its hand or what that holds
-        stands in, at `q`: the nearest thing on the line is one of them, and nearer than the point."""
+    def hides(self, q: FloatArray, cameras: FloatArray, points: FloatArray) -> int:
+        """Counts the lines of sight from `cameras` (M, 3) to `points` (N, 3) that the arm, gripper or held item
+        occludes at `q`: one of them is the nearest geom on the line, and nearer than the point."""
         self._place(q)
         mine, hit, count = _ARM | _HAND | _HELD, np.array([-1], dtype=np.int32), 0
-        for eye in eyes:
+        for camera in cameras:
             for point in points:
-                away = mujoco.mj_ray(self._model, self._data, eye, point - eye, None, 1, -1, hit)
+                away = mujoco.mj_ray(self._model, self._data, camera, point - camera, None, 1, -1, hit)
                 count += bool(0.0 <= away < 1.0 and self._model.geom_contype[hit[0]] & mine)
         return count
 
     def nearest(self, q: FloatArray) -> float:
-        """How far apart in m the two nearest hulls are at `q`, as MuJoCo sees it: below zero how deep they are in each
-        other, and no more than the clearance."""
+        """The distance in m of the two nearest hulls at `q` by MuJoCo, at most the clearance; negative for
+        penetration."""
         self._place(q)
         mujoco.mj_collision(self._model, self._data)
         contacts = (contact.dist for contact in self._data.contact[: self._data.ncon])
         return float(min(contacts, default=_CLEARANCE))
 
     def touching(self, q: FloatArray) -> list[tuple[str, str]]:
-        """The pairs of bodies that touch at `q`: for messages and for tests."""
+        """The pairs of bodies that touch at `q`, for messages and tests."""
         self._place(q)
         mujoco.mj_collision(self._model, self._data)
         names = []

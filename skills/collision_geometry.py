@@ -1,4 +1,4 @@
-"""A MuJoCo model as the sweep sees it: hulls in the frames of the arm's links, and the pairs that must not touch."""
+"""A MuJoCo model as arguments of the collision kernels: hulls in link frames, and the pairs that must not touch."""
 
 from __future__ import annotations
 
@@ -77,11 +77,11 @@ class Chain:
 
 
 Arguments = tuple[FloatArray, IntArray, FloatArray, FloatArray, IntArray, IntArray, FloatArray, BoolArray]
-"""The first eight arguments of `sweep.clear`."""
+"""The first eight arguments of `collision_kernels.clear`."""
 
 
 class CollisionGeometry:
-    """Hulls and pairs of a model, found once; `gathered` puts together what holds where things are now.
+    """Hulls and pairs of a model, computed once; `arguments` updates them for the present poses.
 
     Args:
         model: may be changed afterwards in what touches what (`geom_contype`, `geom_conaffinity`), and in nothing else.
@@ -121,12 +121,12 @@ class CollisionGeometry:
         self._stands = [geom for geom in range(model.ngeom) if not model.body_weldid[model.geom_bodyid[geom]]]
         self._quiet = self._quiet_parts(clearance)
 
-    def gathered(self, data: mujoco.MjData, carried: Sequence[int] = ()) -> Arguments:
-        """The arguments of `sweep.clear` for where things are.
+    def arguments(self, data: mujoco.MjData, carried: Sequence[int] = ()) -> Arguments:
+        """The arguments of `collision_kernels.clear` for the poses in `data`.
 
         Args:
             data: with the kinematics done, the arm in any configuration.
-            carried: geoms that move with the last link though they hang on nothing.
+            carried: geoms of the held item, which move with the last link.
         """
         link = self._link_of.copy()
         link[list(carried)] = len(self._links)

@@ -1,4 +1,4 @@
-"""Grasps that came to nothing: the next attempt takes another one, if it can."""
+"""A memory of failed grasps, so that the next attempt prefers another one."""
 
 from __future__ import annotations
 
@@ -7,26 +7,25 @@ import numpy as np
 from executive.types import FloatArray
 
 _NEAR, _TURNED, _TIPPED = 0.012, 0.3, 0.3
-"""Two grasps are alike when they are no farther apart than this (m) and this (rad) in the item's frame, and the item
-stands or lies as it did (rad)."""
+"""The tolerances of similar grasps: distance (m) and angle (rad) in the item's frame, and tilt of the item (rad)."""
 
 
 class FailedGrasps:
-    """Of each item, the grasps that have failed, in the item's own frame, and which way was up in it."""
+    """The failed grasps of each item, in the item's own frame, with the vertical in that frame."""
 
     def __init__(self) -> None:
         self._failed: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
 
     def add(self, item: str, pose: FloatArray, grasp: FloatArray) -> None:
-        """A grasp (4, 4) of an item at `pose` (4, 4), both in the world frame, has failed."""
+        """Records that a grasp (4, 4) of an item at `pose` (4, 4), both in the world frame, has failed."""
         self._failed.setdefault(item, []).append((_within(pose, grasp), pose[2, :3].copy()))
 
     def forget(self, item: str) -> None:
-        """The item has been taken hold of."""
+        """Forgets the failures of an item, which has been grasped."""
         self._failed.pop(item, None)
 
     def times(self, item: str, pose: FloatArray, grasp: FloatArray) -> int:
-        """How often grasps like this one have failed while the item stood or lay like this."""
+        """Counts the failures of similar grasps with the item in a similar orientation."""
         wanted = _within(pose, grasp)
         return sum(
             float(np.linalg.norm(failed[:3, 3] - wanted[:3, 3])) < _NEAR

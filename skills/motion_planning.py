@@ -27,7 +27,7 @@ from executive.types import FloatArray
 ou.setLogLevel(ou.LogLevel.LOG_NONE)
 
 _NEAR = 0.8
-"""rad around the box of start and goals in which a detour is looked for first."""
+"""rad around the box of start and goals in which paths are searched first."""
 
 _REFINE = 100
 """Iterations after the first path."""
@@ -52,14 +52,14 @@ class Path:
 
 
 class Space(Protocol):
-    """What is free: `executive.skills.collision.CollisionModel` is one."""
+    """A collision check: `executive.skills.collision.CollisionModel` is one."""
 
     def free(self, q: FloatArray) -> bool:
-        """Whether a configuration (6,) touches nothing."""
+        """Whether a configuration (6,) is free of contact."""
         ...
 
     def edge_free(self, start: FloatArray, goal: FloatArray) -> bool:
-        """Whether the straight edge between two configurations touches nothing, its ends included."""
+        """Whether the straight edge between two configurations is free, its ends included."""
         ...
 
 
@@ -73,13 +73,13 @@ class _States(ob.StateValidityChecker):  # type: ignore[misc]  # OMPL has no stu
 
 
 class _Edges(ob.MotionValidator):  # type: ignore[misc]
-    """A whole edge in one call: what takes time is going through the bindings."""
+    """Checks a whole edge in one call, because most of the time goes into the bindings."""
 
     def __init__(self, information: ob.SpaceInformation, space: Space, dof: int) -> None:
         super().__init__(information)
         self._free, self._joints = space.edge_free, range(dof)
         self.kept: list[tuple[FloatArray, FloatArray]] | None = None
-        """The free edges so far, where anybody wants to know."""
+        """The free edges so far, where they are to be kept."""
 
     def checkMotion(self, start: Sequence[float], goal: Sequence[float]) -> bool:  # noqa: N802
         first, second = (np.array([state[joint] for joint in self._joints]) for state in (start, goal))

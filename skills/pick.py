@@ -19,15 +19,15 @@ _LIFT = np.linspace(0.015, 0.12, 8)
 """Heights above the grasp in m through which the item is lifted straight up."""
 
 _MOST_PLANS = 8
-"""Grasps for which a motion is searched before giving up."""
+"""The largest number of grasps for which a motion is planned."""
 
 _AGAIN = 1.0
-"""What a grasp costs more for each time that it has failed, in rad of the way to it."""
+"""The extra cost of a grasp per failure, in rad of the path to it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reach:
-    """A grasp (4, 4) that the arm can get to: the approach and the lift, (N, 6) each, and what the pre-grasp costs."""
+    """A reachable grasp (4, 4): its approach and lift, (N, 6) each, and the cost of the pre-grasp."""
 
     grasp: FloatArray
     approach: FloatArray
@@ -37,11 +37,11 @@ class _Reach:
 
 @ArmSkill
 def pick(step: Step, context: SkillContext) -> SkillResult:
-    """Grasp `item` from `table` from above and lift it; with a home pose, carry it there.
+    """Grasps `item` on `table` from above and lifts it; with a home pose, carries it there.
 
     It reports NOT_THERE when the item is not on the named table, UNREACHABLE when no grasp has a free and reachable
-    configuration, NO_PATH when none of them can be got to, GRASP_MISSED when the fingers close on nothing, DROPPED
-    when what was gripped slips out, TIMED_OUT when the arm is held up.
+    configuration, NO_PATH when there is no motion to one, GRASP_MISSED when the fingers close on nothing, DROPPED when
+    the item slips out, TIMED_OUT when the arm is blocked.
     """
     return perform(step, context, _pick)
 
@@ -74,13 +74,13 @@ def _pick(attempt: Attempt) -> None:
         _take(attempt, reach)
     except SkillError as failure:
         if failure.status is SkillStatus.GRASP_MISSED or failure.sense is Sense.FELT:
-            attempt.arm.tried.add(item, pose, reach.grasp)
+            attempt.arm.failed_grasps.add(item, pose, reach.grasp)
         raise
-    attempt.arm.tried.forget(item)
+    attempt.arm.failed_grasps.forget(item)
 
 
 def _take(attempt: Attempt, reach: _Reach) -> None:
-    """Grip, lift, and carry home if that is how actions end."""
+    """Grips, lifts, and carries the item home if actions end there."""
     attempt.phase("grip")
     try:
         attempt.close_gripper()
@@ -91,18 +91,18 @@ def _take(attempt: Attempt, reach: _Reach) -> None:
     attempt.move("lift", np.concatenate([reach.approach[-1:], reach.lift]), speed=0.6)
     if attempt.handle.home_pose:
         go_home(attempt)
-    attempt.still_held()
+    attempt.check_held()
 
 
 def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> list[_Reach]:
-    """The grasps that can be approached and lifted from along straight lines, cheapest first."""
+    """The grasps with free straight approach and lift, cheapest first."""
     arm, start = attempt.arm, attempt.body.joints()
     pose = transforms.matrix(attempt.body.obstacles()[item])
     found: list[_Reach] = []
     for preference, grasp in enumerate(candidates):
         if len(found) >= 2 * _MOST_PLANS:
             break
-        attempt.heed()
+        attempt.check_cancelled()
         outward = -grasp[:3, 2]
         for seed in arm.kinematics.seeds(grasp, start):
             q = arm.kinematics.solve(grasp, seed)
@@ -113,17 +113,17 @@ def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> lis
             lift = arm.kinematics.line(q, [transforms.translated(grasp, np.array([0, 0, rise])) for rise in _LIFT])
             if approach is None or lift is None:
                 continue
-            attempt.look_around(ignored=[item])
+            attempt.update_collisions(ignored=[item])
             if not arm.collision.all_free(np.array([*approach, *lift])).all():
                 continue
             held = Held(item, transforms.inverse(grasp) @ pose)
-            attempt.look_around(held)
-            # What leans on the item already cannot be kept clear of; it is drawn along a little.
-            attempt.look_around(held, ignored=arm.collision.beside(q))
+            attempt.update_collisions(held)
+            # An item that leans on this one cannot be avoided; it is moved along a little.
+            attempt.update_collisions(held, ignored=arm.collision.beside(q))
             if not arm.collision.all_free(np.array(lift[1:])).all():
                 continue
             cost = float(np.linalg.norm(approach[-1] - start)) + 0.02 * preference
-            cost += _AGAIN * arm.tried.times(item, pose, grasp)
+            cost += _AGAIN * arm.failed_grasps.times(item, pose, grasp)
             found.append(_Reach(grasp, np.array(approach[::-1]), np.array(lift), cost))
             break
     return sorted(found, key=lambda reach: reach.cost)

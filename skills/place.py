@@ -1,4 +1,4 @@
-"""place(item, table): put down what is in the hand on a free spot of a table."""
+"""place(item, table): put the held item down on a free spot of a table."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MOST_PLANS = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Descent:
+class _Lowering:
     """A way to put the item down: the lowering and the retreat, (N, 6) each, and what getting there costs."""
 
     lower: FloatArray
@@ -34,7 +34,7 @@ class _Descent:
 
 @ArmSkill
 def place(step: Step, context: SkillContext) -> SkillResult:
-    """Put `item`, which the hand holds, on a free spot of `table`; with a home pose, go there afterwards.
+    """Puts the held `item` on a free spot of `table`; with a home pose, moves there afterwards.
 
     It reports NOT_THERE when the hand does not hold the item, DOES_NOT_FIT when it is larger than the table as it is
     held, UNREACHABLE when no free spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips
@@ -50,50 +50,50 @@ def _place(attempt: Attempt) -> None:
         raise SkillError(SkillStatus.NOT_THERE, f"the gripper does not hold {item}")
     withdraw(attempt, held)  # where it was gripped and not yet lifted
     attempt.phase("plan", f"a spot on {table}")
-    descents = _descents(attempt, held, table)
-    if not descents:
+    lowerings = _lowerings(attempt, held, table)
+    if not lowerings:
         raise SkillError(SkillStatus.UNREACHABLE, f"no free spot on {table} is within reach")
-    for descent in descents[:_MOST_PLANS]:
-        path = attempt.plan([descent.lower[0]], held)
+    for lowering in lowerings[:_MOST_PLANS]:
+        path = attempt.plan([lowering.lower[0]], held)
         if path is not None:
             break
     else:
         raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {table}")
-    attempt.move("transfer", path, speed=CARRYING, planned=True, then=[descent.lower, descent.retreat])
-    attempt.move("lower", descent.lower, speed=0.5)
-    attempt.still_held()
+    attempt.move("transfer", path, speed=CARRYING, planned=True, then=[lowering.lower, lowering.retreat])
+    attempt.move("lower", lowering.lower, speed=0.5)
+    attempt.check_held()
     attempt.phase("release")
     attempt.open_gripper()
-    attempt.move("retreat", np.concatenate([descent.lower[-1:], descent.retreat]), speed=0.6)
+    attempt.move("retreat", np.concatenate([lowering.lower[-1:], lowering.retreat]), speed=0.6)
     if attempt.handle.home_pose:
         go_home(attempt)
 
 
-def _descents(attempt: Attempt, held: Held, table: str) -> list[_Descent]:
+def _lowerings(attempt: Attempt, held: Held, table: str) -> list[_Lowering]:
     """Ways to put the held item down that are reachable and free, the roomiest spot's cheapest first."""
     arm, start = attempt.arm, attempt.body.joints()
     shape, top = attempt.handle.shapes[held.item], attempt.handle.tables[table]
     others = {name: pose for name, pose in attempt.body.obstacles().items() if name != held.item}
     now = arm.kinematics.forward(start) @ held.in_hand
     upright = grasps.resting(now, shape)
-    found: list[_Descent] = []
+    found: list[_Lowering] = []
     if not grasps.fits(upright, shape, top):
         raise SkillError(SkillStatus.DOES_NOT_FIT, f"{held.item} does not fit on {table}, {footprint.top(top)}")
     for spot, yaws in grasps.spots(upright, shape, top, others, attempt.handle.shapes, attempt.context.rng):
-        attempt.heed()
+        attempt.check_cancelled()
         for yaw in yaws:
             target = np.eye(4)
             target[:3, :3] = Rotation.from_euler("z", float(yaw)).as_matrix() @ upright
             target[:3, 3] = spot - target[:3, :3] @ shape.centre
-            descent = _descent(attempt, held, target @ transforms.inverse(held.in_hand), start)
-            if descent is not None:
-                found.append(descent)
+            lowering = _lowering(attempt, held, target @ transforms.inverse(held.in_hand), start)
+            if lowering is not None:
+                found.append(lowering)
         if len(found) >= _MOST_PLANS:
             break
-    return sorted(found, key=lambda descent: descent.cost)
+    return sorted(found, key=lambda lowering: lowering.cost)
 
 
-def _descent(attempt: Attempt, held: Held, hand: FloatArray, start: FloatArray) -> _Descent | None:
+def _lowering(attempt: Attempt, held: Held, hand: FloatArray, start: FloatArray) -> _Lowering | None:
     arm = attempt.arm
     for seed in arm.kinematics.seeds(hand, start):
         q = arm.kinematics.solve(hand, seed)
@@ -103,11 +103,11 @@ def _descent(attempt: Attempt, held: Held, hand: FloatArray, start: FloatArray) 
         retreat = arm.kinematics.line(q, [transforms.translated(hand, -away * hand[:3, 2]) for away in _RETREAT])
         if lower is None or retreat is None:
             continue
-        attempt.look_around(held)
+        attempt.update_collisions(held)
         if not arm.collision.all_free(np.array(lower[2:])).all():
             continue  # the lowest points are left out: there the item is about to touch the table
-        attempt.look_around(ignored=[held.item])
+        attempt.update_collisions(ignored=[held.item])
         if not arm.collision.all_free(np.array([*lower, *retreat])).all():
             continue
-        return _Descent(np.array(lower[::-1]), np.array(retreat), float(np.linalg.norm(lower[-1] - start)))
+        return _Lowering(np.array(lower[::-1]), np.array(retreat), float(np.linalg.norm(lower[-1] - start)))
     return None

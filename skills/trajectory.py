@@ -27,7 +27,7 @@ _SPACING = 0.05
 """Distance in rad between the samples of a path that the spline goes through."""
 
 _PERIOD = 0.002
-"""s between the moments at which a trajectory is kept."""
+"""The period of the samples of a trajectory, in s."""
 
 _GRID = 8
 """Points on the grid that TOPP-RA keeps the limits at, for every sample of the path."""
@@ -46,7 +46,7 @@ class Trajectory:
         return (len(self.positions) - 1) * self.period
 
     def position(self, time: float) -> FloatArray:
-        """Where it is (6,), in rad, `time` s after its begin; before and after it, at its ends."""
+        """The position (6,), in rad, at `time` s; its ends before and after it."""
         at, share = self._between(time)
         if share == 0.0:
             return np.array(self.positions[at])
@@ -60,7 +60,7 @@ class Trajectory:
         )
 
     def velocity(self, time: float) -> FloatArray:
-        """How fast it is (6,), in rad/s; at its ends, and before and after it, it is at rest."""
+        """The velocity (6,), in rad/s, at `time` s; zero before, after and at its ends."""
         at, share = self._between(time)
         if share == 0.0:
             return np.array(self.velocities[at])
@@ -133,26 +133,26 @@ def _smoothed(positions: FloatArray, velocities: FloatArray, window: float) -> T
     return Trajectory(mean, (q[count:] - q[:-count]) / (count * _PERIOD), _PERIOD)
 
 
-def _within(course: Trajectory, limits: ArmLimits, speed: float) -> Trajectory:
+def _within(motion: Trajectory, limits: ArmLimits, speed: float) -> Trajectory:
     """The same motion, as much slower as it takes to keep the limits everywhere: between the points of TOPP-RA's grid
     they may have been overstepped a little."""
     slower = max(
         1.0,
-        float((np.abs(course.velocities) / limits.velocity).max() / speed),
-        math.sqrt(float((np.abs(_accelerations(course)) / limits.acceleration).max() / speed)),
-        float((np.abs(_jerks(course)) / limits.jerk).max() / speed) ** (1.0 / 3.0),
+        float((np.abs(motion.velocities) / limits.velocity).max() / speed),
+        math.sqrt(float((np.abs(_accelerations(motion)) / limits.acceleration).max() / speed)),
+        float((np.abs(_jerks(motion)) / limits.jerk).max() / speed) ** (1.0 / 3.0),
     )
-    return Trajectory(course.positions, course.velocities / slower, course.period * slower)
+    return Trajectory(motion.positions, motion.velocities / slower, motion.period * slower)
 
 
-def _accelerations(course: Trajectory) -> FloatArray:
+def _accelerations(motion: Trajectory) -> FloatArray:
     """Mean accelerations (N + 1, 6) between the moments, at rest before and after, in rad/s^2."""
-    return np.asarray(np.diff(np.pad(course.velocities, ((1, 1), (0, 0))), axis=0) / course.period)
+    return np.asarray(np.diff(np.pad(motion.velocities, ((1, 1), (0, 0))), axis=0) / motion.period)
 
 
-def _jerks(course: Trajectory) -> FloatArray:
+def _jerks(motion: Trajectory) -> FloatArray:
     """How the accelerations change (N, 6), in rad/s^3."""
-    return np.asarray(np.diff(_accelerations(course), axis=0) / course.period)
+    return np.asarray(np.diff(_accelerations(motion), axis=0) / motion.period)
 
 
 def _slow(points: FloatArray, grid: FloatArray, limits: ArmLimits, speed: float) -> tuple[FloatArray, FloatArray]:

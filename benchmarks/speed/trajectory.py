@@ -42,10 +42,10 @@ def measure(everything: bool) -> list[Row]:
     worst = np.zeros(3)
     for path in paths:
         began = time.process_time()
-        course = trajectory.timed(path, limits)
+        motion = trajectory.timed(path, limits)
         took.append(time.process_time() - began)
-        lengths.append(course.seconds)
-        worst = np.maximum(worst, _rates(course, limits))
+        lengths.append(motion.seconds)
+        worst = np.maximum(worst, _rates(motion, limits))
         reference = fastest(trajectory._resampled(path), limits)
         best.append(reference[0])
         without.append(reference[1])
@@ -66,12 +66,12 @@ def measure(everything: bool) -> list[Row]:
     ]  # fmt: skip
 
 
-def _rates(course: trajectory.Trajectory, limits: ArmLimits) -> FloatArray:
+def _rates(motion: trajectory.Trajectory, limits: ArmLimits) -> FloatArray:
     """The largest velocity, acceleration and jerk, as shares of their limits (3,)."""
-    rate, shares = course.velocities, []
+    rate, shares = motion.velocities, []
     for limit in (limits.velocity, limits.acceleration, limits.jerk):
         shares.append(float((np.abs(rate) / limit).max()))
-        rate = np.diff(np.pad(rate, ((1, 1), (0, 0))), axis=0) / course.period
+        rate = np.diff(np.pad(rate, ((1, 1), (0, 0))), axis=0) / motion.period
     return np.array(shares)
 
 

@@ -1,7 +1,7 @@
-"""What a fault does to the simulated world: the hand lets go, someone moves, takes, swaps, tips over or pushes an item,
-or puts boxes on a table. Nobody takes an item out of the hand, and nobody puts one where the arm is.
+"""Disturbances of the simulated world: the gripper opens, an item is moved, taken, swapped, tipped over or pushed off,
+or boxes are put on a table. No item is taken out of the gripper, and none is put where it touches the arm.
 
-Boxes for blocking a table wait, as does what was taken away, on the floor behind all cameras.
+The boxes for blocking a table, and items that were taken away, are kept on the floor behind all cameras.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ if TYPE_CHECKING:
     from executive.sim.world import MujocoWorld
 
 BOXES = 16
-"""To block one table: four by four, where nothing else stands on it."""
+"""The number of boxes that block an empty table, four by four."""
 
 _BOX_HEIGHT = 0.16
-"""m; a hand that holds something by its top does not reach over them."""
+"""m; a gripper that holds an item by its top cannot pass over them."""
 
 _BOX_ROOM = 0.01
-"""m by which four boxes in a row are shorter than a table, each."""
+"""m of clearance per box in a row of four on a table."""
 
-_RASTER = 0.02
-"""m between the places on a table at which it is tried to put a box."""
+_GRID = 0.02
+"""m between the candidate positions of boxes on a table."""
 
 _ASIDE = 4.0
-"""m from the robot to where things wait; they are 0.4 m apart."""
+"""m between the robot and the objects that are kept aside, which are 0.4 m apart."""
 
 _TRIES = 20
 _SLIP_ANGLE = (0.2, 0.5)
 _SLIP_WAY = (0.002, 0.008)
 """How far, in rad about the axis from pad to pad and in m out of the hand, an item slips in the grip."""
 
-_SQUEEZED = 0.004
-"""m by which an item that slipped may at most be inside what holds it, for the fingers to give way."""
+_MOST_PENETRATION = 0.004
+"""The largest penetration in m of an item that slipped; the fingers give way."""
 
 
 def boxes(spec: SceneSpec, blockings: int) -> tuple[ItemSpec, ...]:
-    """The boxes that it takes to block a table so many times."""
+    """The boxes for a number of blockings of a table."""
     names = {item.name for item in spec.items} | {table.name for table in spec.tables}
     free = (name for number in range(1, 10**6) if (name := f"box-{number}") not in names)
     across, along = (min(table.size[axis] for table in spec.tables) / 4 - _BOX_ROOM for axis in (0, 1))
@@ -59,8 +59,7 @@ def boxes(spec: SceneSpec, blockings: int) -> tuple[ItemSpec, ...]:
 
 
 def aside(spec: SceneSpec, number: int, height: float) -> FloatArray:
-    """Where the `number`-th thing waits that is out of the game: a pose (7,) behind all cameras, `height` m above the
-    floor."""
+    """The pose (7,) of the `number`-th object that is kept aside: behind all cameras, `height` m above the floor."""
     away = sum((np.subtract(camera.position, camera.target)[:2] for camera in spec.cameras), np.zeros(2))
     away = away / np.linalg.norm(away) if np.linalg.norm(away) > 1e-6 else np.array([1.0, 0.0])
     spot = np.asarray(spec.robot.position[:2]) + (_ASIDE + 0.4 * number) * away
@@ -68,20 +67,20 @@ def aside(spec: SceneSpec, number: int, height: float) -> FloatArray:
 
 
 def disturb(world: MujocoWorld, kind: str, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
-    """Break something now, and say in plain words what was done; see `executive.protocols.Simulator`.
+    """Applies a disturbance now, and returns a text of what was done; see `executive.protocols.Simulator`.
 
     Raises:
         InputError: no such kind, or an argument names nothing that there is.
     """
-    if kind not in _DEEDS:
-        raise InputError(f"this world cannot be disturbed by {kind!r}; {nearest(kind, _DEEDS)}")
+    if kind not in _DISTURBANCES:
+        raise InputError(f"this world cannot be disturbed by {kind!r}; {nearest(kind, _DISTURBANCES)}")
     for key in ("item", "with"):
         if key in arguments and arguments[key] not in world.items:
             raise InputError(f"no item {arguments[key]!r} to {kind}; {nearest(arguments[key], world.items)}")
     tables = [table.name for table in world.spec.tables]
     if "table" in arguments and arguments["table"] not in tables:
         raise InputError(f"no table {arguments['table']!r}; {nearest(arguments['table'], tables)}")
-    done = _DEEDS[kind](world, rng, arguments)
+    done = _DISTURBANCES[kind](world, rng, arguments)
     mujoco.mj_forward(world.model, world.data)
     return done
 
@@ -112,7 +111,7 @@ def _slip(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, 
         mujoco.mju_mulQuat(turned, turn, before[3:])
         mujoco.mju_rotVecQuat(moved, before[:3] - centre, turn)
         _place(world, item, np.array([*(centre + moved + way * out), *turned]))
-        if _squeezed(world, item) < _SQUEEZED:
+        if _penetration(world, item) < _MOST_PENETRATION:
             degrees = abs(math.degrees(angle))
             return f"{item} turned by {degrees:.0f} degrees and slid {1000 * way:.0f} mm in the grip"
     _place(world, item, before)
@@ -221,7 +220,7 @@ def _block(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str,
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
     waiting = [name for name in world.boxes if world.pose(name)[2] < _BOX_HEIGHT]
     put = 0
-    for x, y in _raster(table, world.shapes[waiting[0]].half) if waiting else ():
+    for x, y in _grid(table, world.shapes[waiting[0]].half) if waiting else ():
         if put == len(waiting):
             break
         spot = np.array([table.centre[0] + cos * x - sin * y, table.centre[1] + sin * x + cos * y])
@@ -236,7 +235,7 @@ def _block(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str,
     return f"someone put {put} {'box' if put == 1 else 'boxes'} on {table.name}"
 
 
-_DEEDS: Mapping[str, Callable[[MujocoWorld, np.random.Generator, Mapping[str, str]], str]] = {
+_DISTURBANCES: Mapping[str, Callable[[MujocoWorld, np.random.Generator, Mapping[str, str]], str]] = {
     "drop": _drop,
     "miss": _miss,
     "slip": _slip,
@@ -249,17 +248,17 @@ _DEEDS: Mapping[str, Callable[[MujocoWorld, np.random.Generator, Mapping[str, st
 }
 
 
-def _raster(table: TableSpec, half: FloatArray) -> list[tuple[float, float]]:
-    """Where on a table, in its own frame, something with half extents `half` can stand: every 2 cm."""
+def _grid(table: TableSpec, half: FloatArray) -> list[tuple[float, float]]:
+    """The grid of positions on a table, in its own frame, at which a box with half extents `half` is on its top."""
     across, along = (
-        np.arange(-room, room + 1e-9, _RASTER)
+        np.arange(-room, room + 1e-9, _GRID)
         for room in (0.5 * size - float(extent) for size, extent in zip(table.size[:2], half[:2], strict=True))
     )
     return [(float(x), float(y)) for x, y in product(across, along)]
 
 
 def _loose(world: MujocoWorld, rng: np.random.Generator, item: str | None, besides: str | None = None) -> str | None:
-    """The item that is meant, or one drawn at random, unless the hand holds it."""
+    """The named item, or one drawn at random; None if the gripper holds it."""
     gripped = world.gripped()
     loose = [name for name in world.items if name not in (gripped, besides)]
     if item is None and loose:
@@ -268,7 +267,7 @@ def _loose(world: MujocoWorld, rng: np.random.Generator, item: str | None, besid
 
 
 def _under(world: MujocoWorld, item: str) -> TableSpec | None:
-    """The table that an item stands or lies on, by where it is."""
+    """The table under an item, by its position."""
     pose, shape = world.pose(item), world.shapes[item]
     for table in world.spec.tables:
         cos, sin = np.cos(table.yaw), np.sin(table.yaw)
@@ -280,20 +279,20 @@ def _under(world: MujocoWorld, item: str) -> TableSpec | None:
 
 
 def _place(world: MujocoWorld, item: str, pose: FloatArray) -> None:
-    """Put an item somewhere, at rest."""
+    """Sets an item's pose, with zero velocity."""
     world.put(item, pose)
     dof = world.model.joint(f"{item}/free").dofadr[0]
     world.data.qvel[dof : dof + 6] = 0.0
 
 
 def _put(world: MujocoWorld, item: str, pose: FloatArray, table: str) -> bool:
-    """Put an item somewhere: whether it touches nothing there but its table. The arm may stand there."""
+    """Sets an item's pose; returns whether it touches nothing but its table. The arm may be there."""
     _place(world, item, pose)
     return world.touched_by(item) <= {table}
 
 
-def _squeezed(world: MujocoWorld, item: str) -> float:
-    """How deep, in m, an item is inside whatever it touches."""
+def _penetration(world: MujocoWorld, item: str) -> float:
+    """The deepest penetration, in m, of an item's contacts."""
     world.touched_by(item)  # brings the contacts up to date
     mine, roots = world.model.body(item).id, world.model.body_rootid
     contacts = world.data.contact[: world.data.ncon]

@@ -1,7 +1,7 @@
-"""What a predicate means in the simulator: the truth that scores a run, labels pictures and answers for the oracle.
+"""The relations of the simulator: the ground truth of predicates, for scores, labels and the oracle.
 
-Each relation is registered under the entry-point group `executive.relations`, so that a domain names it by a word. It
-says by `takes` which kinds of things it is about, and domains are held to that.
+Each relation is registered under the entry-point group `executive.relations`, so that a domain refers to it by name. It
+declares the kinds of its arguments by `takes`, which domains are checked against.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from executive import former_names
 from executive.sim.spec import TableSpec
 
 Kind = Literal["item", "table", "thing"]
-"""What a relation may be about: an [[item]] of the scene, a [[table]], or either."""
+"""The kind of an argument: an [[item]] of the scene, a [[table]], or either."""
 
 _Relation = TypeVar("_Relation", bound=Callable[..., bool])
 
@@ -27,7 +27,7 @@ _RIGHT = ("right_outer_knuckle", "right_inner_finger", "right_inner_knuckle")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimState:
-    """One moment of the simulation, contacts included."""
+    """A state of the simulation, contacts included."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -49,7 +49,7 @@ class SimState:
 
 
 def takes(*kinds: Kind) -> Callable[[_Relation], _Relation]:
-    """Declares of a relation of which kinds its parameters after the state are, in their order."""
+    """Declares the kinds of a relation's parameters after the state, in their order."""
 
     def declare(relation: _Relation) -> _Relation:
         vars(relation)["takes"] = kinds

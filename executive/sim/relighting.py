@@ -1,4 +1,4 @@
-"""Moments drawn anew: the same positions of everything, under other lights and through cameras that stand elsewhere."""
+"""Rendering recorded states under other lights and from other camera poses."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from executive.sim.world import compiled
 from executive.types import FloatArray, Image
 
 STEEPEST = math.radians(55.0)
-"""How far from straight down the lamp may shine."""
+"""The largest angle of the lamp's direction from straight down, in rad."""
 
 _KELVIN = (3500.0, 4000.0, 4500.0, 5000.0, 5500.0, 6000.0, 6500.0, 7000.0, 8000.0, 9000.0)
 _TINTS = (
     (255, 196, 137), (255, 209, 163), (255, 219, 186), (255, 228, 206), (255, 236, 224),
     (255, 243, 239), (255, 249, 253), (245, 243, 255), (227, 233, 255), (214, 225, 255),
 )  # fmt: skip
-"""What white looks like in sRGB under a black body of each temperature (CIE 1964 observer)."""
+"""White in sRGB under a black body of each temperature (CIE 1964 observer)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lights:
-    """How a scene is lit: by a lamp far above, and by a glow that comes from the camera and from everywhere.
+    """The lights of a scene: a directional lamp, a light at the camera, and an ambient one.
 
-    `direction` (3,) is where the lamp shines to; `lamp`, `glow` and `ambient` are RGB strengths of the lamp, of the
-    light at the camera and of that without a direction. A scene's own are (0.55, 0.55, 0.55) and twice 0.35.
+    `direction` (3,) is the direction of the lamp's light; `lamp`, `glow` and `ambient` are RGB strengths of the lamp,
+    of the light at the camera and of that without a direction. A scene's own are (0.55, 0.55, 0.55) and twice 0.35.
     """
 
     direction: tuple[float, float, float]
@@ -44,7 +44,7 @@ class Lights:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> Lights:
-        """Other lights: a lamp at most `STEEPEST` from straight above, half to one and a half times as strong, from
+        """Samples lights: a lamp at most `STEEPEST` from straight above, half to one and a half times as strong, from
         3500 K to 9000 K; the rest 0.6 to 1.4 times as strong, and of a temperature of its own."""
         tilt, round_ = STEEPEST * math.sqrt(rng.uniform()), rng.uniform(-math.pi, math.pi)
         direction = (math.sin(tilt) * math.cos(round_), math.sin(tilt) * math.sin(round_), -math.cos(tilt))
@@ -56,7 +56,7 @@ class Lights:
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """A camera that is not where it was: moved by `offset` (3,) m in the world frame, and turned by the rotation vector
+    """A displacement of a camera: moved by `offset` (3,) m in the world frame, and turned by the rotation vector
     `turn` (3,) rad in its own."""
 
     offset: tuple[float, float, float]
@@ -64,15 +64,15 @@ class Shift:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, metres: float = 0.03, radians: float = math.radians(3.0)) -> Shift:
-        """Uniformly at random among all that move by at most `metres` and turn by at most `radians`."""
+        """Samples uniformly among displacements of at most `metres` and rotations of at most `radians`."""
         return cls(_in_ball(rng, metres), _in_ball(rng, radians))
 
 
 class Relighting:
-    """Draws a scene at given positions. A context manager that frees its renderers.
+    """Renders a scene at given positions. A context manager that frees its renderers.
 
-    The model is changed while it draws and put back afterwards, so that it may be shared with a world; what `set_up`
-    yields is that moment, for pictures of another kind.
+    The model is changed during rendering and restored afterwards, so that it may be shared with a world. Within
+    `set_up` the caller may render pictures of another kind.
     """
 
     def __init__(self, model: mujoco.MjModel, spec: SceneSpec) -> None:
@@ -82,7 +82,7 @@ class Relighting:
 
     @classmethod
     def of(cls, file: Path, objects: Mapping[str, str]) -> Relighting:
-        """The studio of a domain's `scene.toml` with the objects (name -> type) of one problem.
+        """Makes one from a domain's `scene.toml` with the objects (name -> type) of one problem.
 
         Raises:
             DomainError: the scene file is wrong, an object has no body, or MuJoCo refuses the scene.
@@ -107,12 +107,12 @@ class Relighting:
         shifts: Mapping[str, Shift] = MappingProxyType({}),
         cameras: Collection[str] | None = None,
     ) -> dict[str, Image]:
-        """What the cameras see: camera -> (H, W, 3) uint8, in the scene's order.
+        """Renders the cameras' pictures: camera -> (H, W, 3) uint8, in the scene's order.
 
         Args:
             qpos: MuJoCo's positions of everything, (nq,).
             lights: instead of the scene's own.
-            shifts: camera -> how far it is from its place.
+            shifts: camera -> its displacement.
             cameras: whose pictures to draw; all when not given.
 
         Raises:
@@ -134,7 +134,7 @@ class Relighting:
     def set_up(
         self, qpos: FloatArray, lights: Lights | None = None, shifts: Mapping[str, Shift] = MappingProxyType({})
     ) -> Iterator[None]:
-        """Have everything stand where `qpos` says, lit by `lights` and seen by shifted cameras, for a while."""
+        """Sets positions, lights and camera poses within the context."""
         model, data = self.model, self.data
         if qpos.shape != (model.nq,):
             raise InputError(f"the positions are of another scene: {qpos.size}, and this one has {model.nq}")
@@ -162,7 +162,7 @@ def tint(kelvin: float) -> FloatArray:
 
 
 def _parts(model: mujoco.MjModel) -> list[FloatArray]:
-    """What lights and cameras are made of, as views into the model."""
+    """Views into the model of all parameters of lights and cameras."""
     head = model.vis.headlight
     lights = [model.light_dir, model.light_diffuse, head.diffuse, head.ambient]
     return [*lights, model.cam_pos, model.cam_quat]

@@ -1,7 +1,7 @@
-"""What a skill drives: the arm's and the gripper's commands, what the joints feel, and where things are said to be.
+"""The robot interface of skills: commands of arm and gripper, joint measurements, and poses of items.
 
 As in the paper (Section 6.1), grasp poses are inferred from "privileged information": `locate` and `obstacles` give
-poses that come from the simulator, with noise where a run asks for it. No atom's truth is to be had here.
+poses from the simulator, with noise where a run asks for it. The truth of atoms is not available here.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ class ArmLimits:
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Handle:
-    """The robot as a skill sees it. All poses are (7,): position in m, then quaternion (w, x, y, z), world frame."""
+    """The robot handle of skills. All poses are (7,): position in m, then quaternion (w, x, y, z), world frame."""
 
     limits: ArmLimits
     tables: Mapping[str, TableSpec]
     shapes: Mapping[str, ItemShape]
-    eyes: Mapping[str, FloatArray]
-    """Where each camera stands, (3,) in m, world frame: the robot is to know what it hides from whom."""
+    camera_positions: Mapping[str, FloatArray]
+    """The position of each camera, (3,) in m, world frame, for avoiding occlusion."""
     planning_spec: Callable[[], mujoco.MjSpec]
-    """A fresh specification of the scene without visuals, to build a model for planning from."""
+    """Makes a specification of the scene without visuals, for the model of motion planning."""
     control_period: float
-    """Seconds of the world's time that one `advance` takes."""
+    """The world's time of one `advance`, in s."""
     home_pose: bool
-    """Whether an action ends at the home pose (the paper's "Pose") or where it happened to be done."""
+    """Whether an action ends at the home pose (the paper's "Pose") or where its motion ends."""
     body: Body
     keep_trees: bool = False
-    """Whether a motion is to be told with the tree that was searched for it, for the people who watch."""
+    """Whether motions are reported with their search tree, for the viewer."""
 
 
 class Body(Protocol):
@@ -69,11 +69,11 @@ class Body(Protocol):
         ...
 
     def locate(self, item: str) -> FloatArray:
-        """The pose of the item that is to be grasped, as well as the robot knows it."""
+        """The estimated pose of the item that is to be grasped."""
         ...
 
     def obstacles(self) -> dict[str, FloatArray]:
-        """The poses of all items, to keep clear of."""
+        """The poses of all items, for collision avoidance."""
         ...
 
     def command(self, position: FloatArray, velocity: FloatArray) -> None:
@@ -81,9 +81,9 @@ class Body(Protocol):
         ...
 
     def command_gripper(self, closed: float) -> None:
-        """Drive the fingers: 0 open, 1 closed."""
+        """Sets the target of the fingers: 0 open, 1 closed."""
         ...
 
     def advance(self) -> None:
-        """Let one control period pass."""
+        """Advances the world by one control period."""
         ...

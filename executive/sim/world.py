@@ -1,4 +1,4 @@
-"""The simulated world: it steps, is looked at, is saved and restored, and is disturbed when a fault says so."""
+"""The simulated world: stepping, observation, snapshots, and disturbances by faults."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CONTROL_PERIOD = 0.008
 """125 Hz, the rate of the UR controllers."""
 
 FRAME_PERIOD = 0.1
-"""Seconds of the world's time between two frames for those who watch."""
+"""Seconds of the world's time between two frames for the viewer."""
 
 RATED_VELOCITY = np.full(6, np.pi)
 """The UR5e's rated joint velocity, 180 degrees/s for every joint (its data sheet)."""
@@ -38,7 +38,7 @@ RATED_JERK = np.full(6, 200.0)
 """rad/s^3. No data sheet gives one either; with this, the full acceleration is there after 40 ms."""
 
 _HAND_OVER = 0.6
-"""Seconds for which an item is held up for the fingers to close on it."""
+"""Seconds for which an item is held in place while the fingers close on it."""
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _NOT_WRITTEN_HERE = (
@@ -60,7 +60,7 @@ class MujocoWorld:
         grasp_noise: standard deviation in m of the horizontal error with which a grasped item's pose is known.
         home_pose: whether skills end at the home pose.
         blockings: how often a table is going to be blocked; that many times the boxes for it wait out of sight.
-        keep_trees: whether skills tell the trees that they search for motions.
+        keep_trees: whether skills report the search trees of their motions.
         first_observation: the number of the first look.
 
     Raises:
@@ -119,7 +119,7 @@ class MujocoWorld:
             limits=limits,
             tables={table.name: table for table in self.spec.tables},
             shapes=self.shapes,
-            eyes={camera.name: np.array(camera.position) for camera in self.spec.cameras},
+            camera_positions={camera.name: np.array(camera.position) for camera in self.spec.cameras},
             planning_spec=lambda: scene.build(stage, visuals=False),
             control_period=self._steps * self.model.opt.timestep,
             home_pose=home_pose,
@@ -233,11 +233,11 @@ class MujocoWorld:
         self.data.ctrl[self._servo] = position + self._lag * velocity
 
     def mislead(self, error: FloatArray) -> None:
-        """Have the next item that is located seem to be off by `error` (3,), in m."""
+        """Adds `error` (3,), in m, to the next located pose."""
         self._misplaced = error
 
     def force_open(self, seconds: float) -> None:
-        """Have the fingers open for a while, whatever they are told."""
+        """Opens the fingers for a while, whatever they are commanded."""
         self._forced_open_until = self.time + seconds
 
     def command_gripper(self, closed: float) -> None:
@@ -253,8 +253,6 @@ class MujocoWorld:
             self._next_frame = self.time + FRAME_PERIOD
             self._listener(self.frame())
 
-    # Inside.
-
     def frame(self) -> Frame:
         """Where every body that can move is."""
         poses = {}
@@ -265,7 +263,7 @@ class MujocoWorld:
         return Frame(poses, self.joints(), self.gripper_width())
 
     def settle(self, seconds: float) -> None:
-        """Let time pass with the arm held where it is commanded to be."""
+        """Advances the time with the arm's command unchanged."""
         period = self._steps * self.model.opt.timestep
         for _ in range(max(1, round(seconds / period))):
             self.advance()

@@ -8,7 +8,7 @@ import pytest
 from executive.protocols import Skill, SkillContext
 from executive.skills import arm
 from executive.skills.arm import Attempt
-from executive.skills.clear_view import aside, home, sights
+from executive.skills.clear_view import aside, home, view_points
 from executive.skills.place import place
 from executive.types import Facts, Sense, SkillResult, SkillStatus, Step
 from tests.executive.sim.stage import TABLES, grocery
@@ -25,9 +25,9 @@ def robot() -> Robot:
 
 def hidden(robot: Robot, *tables: str) -> int:
     attempt = Attempt(Step("look", tables, Facts(), Facts()), robot._context())
-    attempt.look_around(attempt.held())
-    eyes = np.stack(list(attempt.handle.eyes.values()))
-    return attempt.arm.collision.hides(attempt.body.joints(), eyes, sights(attempt))
+    attempt.update_collisions(attempt.held())
+    cameras = np.stack(list(attempt.handle.camera_positions.values()))
+    return attempt.arm.collision.hides(attempt.body.joints(), cameras, view_points(attempt))
 
 
 def bring(robot: Robot, skill: Skill, *tables: str) -> float:

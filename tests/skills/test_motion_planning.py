@@ -152,14 +152,14 @@ def test_no_motion_into_the_table(arm: Arm) -> None:
 def test_trajectories_keep_the_limits_and_rest_at_both_ends(arm: Arm, seed: int, speed: float) -> None:
     limits = arm.limits
     path = limits.home + np.cumsum(np.random.default_rng(seed).normal(0, 0.4, (2 + seed, 6)), axis=0)
-    course = trajectory.timed(path, limits, speed)
-    assert np.allclose(course.position(0.0), path[0], atol=1e-6)
-    assert np.allclose(course.position(course.seconds), path[-1], atol=1e-6)
-    assert np.allclose(course.velocity(0.0), 0.0, atol=1e-6)
-    assert np.allclose(course.velocity(course.seconds), 0.0, atol=1e-2)
-    times = course.period * np.arange(len(course.positions))
-    velocity = np.stack([course.velocity(float(time)) for time in times])
-    moved = np.gradient(np.stack([course.position(float(time)) for time in times]), times, axis=0)
+    motion = trajectory.timed(path, limits, speed)
+    assert np.allclose(motion.position(0.0), path[0], atol=1e-6)
+    assert np.allclose(motion.position(motion.seconds), path[-1], atol=1e-6)
+    assert np.allclose(motion.velocity(0.0), 0.0, atol=1e-6)
+    assert np.allclose(motion.velocity(motion.seconds), 0.0, atol=1e-2)
+    times = motion.period * np.arange(len(motion.positions))
+    velocity = np.stack([motion.velocity(float(time)) for time in times])
+    moved = np.gradient(np.stack([motion.position(float(time)) for time in times]), times, axis=0)
     assert np.allclose(moved[1:-1], velocity[1:-1], atol=0.02 * speed)
     rates = [velocity]
     for limit in (limits.velocity, limits.acceleration, limits.jerk):
@@ -167,7 +167,7 @@ def test_trajectories_keep_the_limits_and_rest_at_both_ends(arm: Arm, seed: int,
         rates.append(np.diff(rates[-1], axis=0) / (times[1] - times[0]))
     # Corners are rounded, and no more is cut of them than that.
     along = np.concatenate([np.linspace(one, other, 400) for one, other in pairwise(path)])
-    places = course.samples(0.02)
+    places = motion.samples(0.02)
     assert max(np.linalg.norm(along - place, axis=1).min() for place in places) < 0.05
 
 
@@ -176,15 +176,15 @@ def test_slow_timing_keeps_the_limits_too(arm: Arm, monkeypatch: pytest.MonkeyPa
     path = limits.home + np.cumsum(np.random.default_rng(1).normal(0, 0.05, (30, 6)), axis=0)
     quick = trajectory.timed(path, limits)
     monkeypatch.setattr(TOPPRA, "compute_trajectory", lambda *_: None)
-    course = trajectory.timed(path, limits)
-    assert course.seconds > quick.seconds
-    velocity = np.stack([course.velocity(float(time)) for time in np.linspace(0.0, course.seconds, 500)])
+    motion = trajectory.timed(path, limits)
+    assert motion.seconds > quick.seconds
+    velocity = np.stack([motion.velocity(float(time)) for time in np.linspace(0.0, motion.seconds, 500)])
     assert (np.abs(velocity) <= limits.velocity).all()
-    assert np.allclose(course.position(course.seconds), path[-1])
+    assert np.allclose(motion.position(motion.seconds), path[-1])
 
 
 def test_a_path_that_goes_nowhere_takes_no_time(arm: Arm) -> None:
     home = arm.limits.home
-    course = trajectory.timed(np.stack([home, home]), arm.limits)
-    assert course.seconds == 0.0
-    assert np.array_equal(course.position(0.0), home)
+    motion = trajectory.timed(np.stack([home, home]), arm.limits)
+    assert motion.seconds == 0.0
+    assert np.array_equal(motion.position(0.0), home)
