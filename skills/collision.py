@@ -123,7 +123,7 @@ class CollisionModel:
 
     def all_free(self, configurations: FloatArray) -> collision_kernels.BoolArray:
         """Which of the configurations (N, 6) are free, (N,)."""
-        """Sets the item poses (7,), the finger joints (rad), the held item, and the items to ignore."""
+        return np.asarray(
             collision_kernels.all_clear(*self._geometry, _CLEARANCE, np.ascontiguousarray(configurations))
         )
 
