@@ -1,4 +1,4 @@
-"""How a fault is written, on the command line and in files:
+"""The notation of faults, on the command line and in files:
 
     KIND[:ARGUMENT,...][@WHEN]
 
@@ -28,7 +28,7 @@ from executive.util.files import read_toml
 
 EXAMPLES = "drop@4, drop:p=0.3,item=lemon, shove:item=lemon@3 or camera:front=black@5-8"
 EVER = 10**9
-"""The action that no run comes to."""
+"""The number of an action that no run reaches."""
 
 _WHEN = re.compile(r"([0-9]{1,9})(?:(-)([0-9]{1,9})?)?")
 _CHANCE = re.compile(r"(?:[0-9]{1,3}(?:\.[0-9]{0,25})?|\.[0-9]{1,25})(?:[eE]-?[0-9]{1,3})?")
@@ -70,7 +70,7 @@ class Fault:
             object.__setattr__(self, "way", KINDS[self.kind].way)
 
     def covers(self, action: int) -> bool:
-        """Whether it names this action; one that goes by chance names none."""
+        """Whether it names this action; a random fault names none."""
         return self.action is not None and self.action <= action <= (self.until or self.action)
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ def parse_fault(
     tables: Collection[str] | None = None,
     cameras: Collection[str] | None = None,
 ) -> Fault:
-    """Read one fault as it is written on the command line.
+    """Parses one fault in the notation of the command line.
 
     Args:
         items, tables, cameras: what may be named; None takes any name.
@@ -138,7 +138,7 @@ def read_faults(file: Path) -> tuple[str, ...]:
 
 
 class _Reader:
-    """Reads one fault."""
+    """The parser of one fault."""
 
     def __init__(
         self,
@@ -207,7 +207,7 @@ class _Reader:
         )
 
     def _when(self) -> tuple[int | None, int | None]:
-        """The first and the last action; (None, None) where chance says when."""
+        """The first and the last action; (None, None) for a random fault."""
         if self._at is None:
             return None, None
         match = _WHEN.fullmatch(self._at)

@@ -25,7 +25,7 @@ Report = Callable[[FaultInjected], None]
 
 
 class FaultInjector:
-    """Breaks things as a list of faults demands; see `executive.protocols.FaultSource`."""
+    """Injects the faults of a list; see `executive.protocols.FaultSource`."""
 
     def __init__(self, faults: Sequence[Fault], world: Simulator, seed: int = 0) -> None:
         self._faults, self._world, self._seed = tuple(faults), world, seed
@@ -75,7 +75,7 @@ class FaultInjector:
             self._report(FaultInjected(fault.kind, str(fault), self._action, detail))
 
     def chance(self, place: int, *key: int) -> np.random.Generator:
-        """The chance of the fault at a place of the list, for what `key` says is drawn."""
+        """The random generator of the fault at an index of the list; `key` names the draw."""
         return np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(_STREAM, place, *key)))
 
     def drawn(self, place: int, *key: int) -> np.random.Generator:
@@ -85,7 +85,7 @@ class FaultInjector:
     # Inside.
 
     def _due(self, kinds: Collection[str], step: Step | None) -> list[int]:
-        """The places in the list of the faults of these kinds that strike in this action."""
+        """The indices of the faults of these kinds that strike in this action."""
         return [
             place
             for place, fault in enumerate(self._faults)
@@ -124,4 +124,4 @@ def _window(fault: Fault, before: str, phase: str) -> tuple[float, float] | None
 
 
 def _unheard(fault: FaultInjected) -> None:
-    """Nobody was named who wants to know."""
+    """The default listener, which does nothing."""

@@ -37,33 +37,33 @@ from executive.types import (
 )
 
 DELAY = 2.0
-"""Wall seconds by which a slow estimator is slower, where a fault does not say."""
+"""The default delay of a slow estimator, in wall seconds."""
 
 _SHIFT = (0.08, 0.15)
-"""How far a camera that was knocked has its pictures off, as shares of their width."""
+"""The shift of the pictures of a knocked camera, as a share of their width."""
 
 _POLL = 0.01
-"""Wall seconds between two looks of a skill that hangs at whether it is cancelled."""
+"""Wall seconds between two checks of a hanging skill for cancellation."""
 
 
 def faulty_world(world: World, faults: FaultInjector) -> World:
-    """The world, seen through cameras that fail when the faults say so."""
+    """A world whose cameras fail as the faults demand."""
     return _World(world, faults)
 
 
 def faulty_estimator(estimator: Estimator, faults: FaultInjector) -> Estimator:
-    """The estimator, which is silent, wrong or slow when the faults say so."""
+    """An estimator that is silent, wrong or slow as the faults demand."""
     asking: object = estimator  # whether it asks in words is for the running program to find out
     return (_AskingEstimator if isinstance(asking, Asking) else _Estimator)(estimator, faults)
 
 
 def faulty_planner(planner: Planner, faults: FaultInjector) -> Planner:
-    """The planner, which runs out of time or crashes when the faults say so."""
+    """A planner that runs out of time or crashes as the faults demand."""
     return _Planner(planner, faults)
 
 
 def faulty_skills(skills: Mapping[str, Skill], faults: FaultInjector) -> dict[str, Skill]:
-    """The skills, which find no motion, hang or raise when the faults say so."""
+    """Skills that find no motion, hang or raise as the faults demand."""
     return {action: _Skill(skill, faults) for action, skill in skills.items()}
 
 
@@ -118,7 +118,7 @@ class _World:
 
 
 def _shifted(image: Image, chance: np.random.Generator) -> Image:
-    """The picture moved in a random direction, with black where nothing was seen."""
+    """Shifts a picture in a random direction, with black at the border."""
     length, angle = image.shape[1] * chance.uniform(*_SHIFT), chance.uniform(-np.pi, np.pi)
     down, right = round(length * np.sin(angle)), round(length * np.cos(angle))
     moved = np.zeros_like(image)
@@ -159,7 +159,7 @@ class _Estimator:
         return belief
 
     def _drawn(self, place: int, atom: Atom) -> float:
-        """Drawn for each atom on its own, so that it does not matter which others are asked about."""
+        """Draws for each atom separately, so that the other atoms of a query do not matter."""
         return float(self._faults.drawn(place, zlib.crc32(str(atom).encode())).random())
 
 

@@ -1,4 +1,4 @@
-"""The order of a plan's steps, where the plan leaves it open.
+"""Reordering of a plan's steps where their order is free.
 
 A planner that minimises cost is free to sort the groceries in any order, and which one it picks depends on its hash
 tables. People wrote the goal in an order, though, and a run is easier to follow, to compare and to reproduce when
@@ -31,7 +31,7 @@ def replay(true: AbstractSet[Atom], steps: Sequence[Step]) -> frozenset[Atom] | 
 def by_goals(
     state: Facts, steps: Sequence[Step], goal: Facts, order: Sequence[Atom], stop: Callable[[], bool] = bool
 ) -> tuple[Step, ...]:
-    """The same steps, reordered so that the goals are achieved in `order` as far as the steps allow.
+    """Reorders the steps so that the goals are achieved in `order` as far as the steps allow.
 
     Again and again, the first goal in `order` that does not hold yet is looked at: the few remaining steps that lead
     to it from here are moved to the front, if they can be carried out at once and the rest still reaches the goal

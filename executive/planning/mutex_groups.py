@@ -45,7 +45,7 @@ _PART = re.compile(r"(\w+)\(\(([-\d, ]*)\)\)")
 such as {p0((0, -1)) [omitted_pos = 1], p1((0,)) [omitted_pos = None]}."""
 
 MOST_MOVES = 20_000
-"""With more grounded actions than this, the initial state is completed without a look at what it makes possible."""
+"""With more grounded actions than this, the initial state is completed without the analysis of reachability."""
 
 log = logging.getLogger(__name__)
 
@@ -89,7 +89,7 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0) -> Mutexes:
 
 
 class _TranslatorError(Exception):
-    """The translator gave no answer, and why."""
+    """The translator failed, with the reason."""
 
 
 def _in_time(deadline: float) -> None:
@@ -146,7 +146,7 @@ def _instances(said: str, names: _Names) -> list[frozenset[Atom]]:
 
 
 class _Completion:
-    """Makes the declared initial state a complete one. `sets` are those of which exactly one atom should be true."""
+    """Completes the declared initial state. `sets` are the sets of atoms of which exactly one should be true."""
 
     def __init__(self, schema: Schema, sets: Sequence[frozenset[Atom]], deadline: float) -> None:
         self._deadline = deadline
@@ -211,7 +211,7 @@ class _Move(NamedTuple):
 
 
 def _moves(schema: Schema, deadline: float) -> list[_Move]:
-    """Every grounded action of a task; none where they are too many to be worth their time."""
+    """Every grounded action of a task; none if there are too many."""
     sizes = (math.prod(len(schema.typing.members(kind)) for _, kind in a.parameters) for a in schema.actions.values())
     if sum(sizes) > MOST_MOVES:
         return []

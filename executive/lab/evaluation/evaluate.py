@@ -1,9 +1,8 @@
-"""Experiment 1 of the paper: an eye is shown the looks of a collection, and what it says is held against the truth.
+"""Experiment 1 of the paper: an estimator is evaluated on the pictures of a collection against the ground truth.
 
-The eye is made by `executive.app.estimators.open_estimator` and asked as a run asks it: `estimate(observation, atoms)`
-for all atoms. It is a process of its own that looks, or several (`executive.lab.common.process_pool`); a look depends
-on its point and the seed alone, not on who takes it, and those that were taken before an interruption are not taken
-again."""
+The estimator is made by `executive.app.estimators.open_estimator` and called as in a run: `estimate(observation,
+atoms)` for all atoms. One or several worker processes do that (`executive.lab.common.process_pool`); a result depends
+on its point and the seed alone, not on the worker, and results from before an interruption are kept."""
 
 from __future__ import annotations
 
@@ -40,7 +39,7 @@ from executive.types import Atom, Belief, FloatArray, Image, Observation, Questi
 from executive.util.files import home, legible, parse_json
 
 FRUITLESS = 10
-"""Looks in a row without a single answer after which an evaluation is given up."""
+"""The number of consecutive looks without an answer after which an evaluation is aborted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +74,7 @@ class EvalConfig:
 
     @property
     def command(self) -> str:
-        """The command that does the same again."""
+        """The command that repeats the evaluation."""
         words = ["executive", "eval", self.domain, str(self.data)]
         options = {
             "--problem": self.problem,
@@ -91,7 +90,7 @@ class EvalConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """What was asked, and all that was answered.
+    """The questions and all answers of an evaluation.
 
     `name` says what was measured as the paper's tables do (`72B + Instruct + Pose`); `about` everything that decided
     it, as JSON; `looks` are (episode, step) of the points; `surprising` (looks,) whether the last action came to
@@ -107,13 +106,13 @@ class Evaluation:
 
     @property
     def seconds_per_look(self) -> float:
-        """The median, which the first look's warming up does not move."""
+        """The median, on which the slow first look has no influence."""
         return float(np.median(self.seconds))
 
 
 class Look(NamedTuple):
-    """A look that is to be taken: its number, from 1 on, and where its point is. Number 0 stands for opening the eye
-    and looking at nothing."""
+    """The job of one look: its number from 1, and the location of its point. Number 0 is the job of opening the
+    estimator without a look."""
 
     number: int
     episode: int
@@ -124,8 +123,7 @@ OPENING = Look(0, 0, 0)
 
 
 class Opened(NamedTuple):
-    """The eye that a process has opened: the model's name, whose pictures it is shown, and what it is asked, as the
-    arguments of `Questions`."""
+    """The estimator that a worker has opened: the model's name, its cameras, and the arguments of `Questions`."""
 
     name: str
     cameras: tuple[str, ...] | None
@@ -137,8 +135,8 @@ class Opened(NamedTuple):
 
 
 class Said(NamedTuple):
-    """What came of a look: P(true) of each atom, None where unanswered, the seconds that it took, and, where nothing
-    was answered, why."""
+    """The result of a look: P(true) of each atom, None where unanswered, its seconds, and the reason if there is no
+    answer at all."""
 
     probability: tuple[float | None, ...]
     seconds: float
@@ -146,7 +144,7 @@ class Said(NamedTuple):
 
 
 class Observer:
-    """Takes looks; made anew in each process, which opens an eye of its own with its first job.
+    """Takes looks in a worker process, which opens its own estimator with its first job.
 
     Raises:
         DomainError: the domain has a mistake.
@@ -211,22 +209,22 @@ class Evaluator:
         self._seen.close()
 
     def cancel(self) -> None:
-        """Have `open` or `run` stop soon. A flag: safe from any thread and signal handler."""
+        """Makes `open` or `run` stop soon. It sets a flag: safe from any thread and signal handler."""
         self._cancelled = True
 
     @property
     def looker(self) -> Callable[[], Observer]:
-        """Makes what looks, in any process."""
+        """Makes the `Observer` of this evaluation in a worker process."""
         return partial(Observer, self.config)
 
     @property
     def wanted(self) -> int:
-        """How many looks are taken."""
+        """The number of looks."""
         points: int = self._manifest["points"]
         return points if self.config.looks is None else min(points, self.config.looks)
 
     def open(self, pool: WorkerPool[Look, Opened | Said]) -> Opened | None:
-        """Have an eye opened; None when cancelled.
+        """Opens an estimator in a worker; None when cancelled.
 
         Raises:
             InputError: the model, or how it goes with the data.
@@ -249,7 +247,7 @@ class Evaluator:
         keep: Path | None = None,
         watch: Callable[[Progress], None] = lambda progress: None,
     ) -> Evaluation | None:
-        """Have all looks taken; None when cancelled. `watch` is called several times a second.
+        """Takes all looks; None when cancelled. `watch` is called several times a second.
 
         Args:
             opened: what `open` gave; without it, an eye is opened first.
@@ -282,7 +280,7 @@ class Evaluator:
                     told[each.job.number] = said
                     if kept is not None:
                         kept.add(each.job.number, said)
-                    _check_fruits(told, each.job.number)
+                    _abort_if_fruitless(told, each.job.number)
                 new = len(told) - there
                 watch(Progress(len(told), len(points), new, time.monotonic() - began))
         return None if len(told) < len(points) else self._made(points, told, opened)
@@ -309,7 +307,7 @@ class Evaluator:
         return Evaluation(name, about, answers, looks, surprising, seconds)
 
     def _same(self, opened: Opened) -> dict[str, Any]:
-        """What decides every answer, but for how many looks there are."""
+        """Everything that the answers depend on, except for the number of looks."""
         command = replace(self.config, looks=None).command
         asked = opened.questions
         told = (asked.system, *asked.answers, *(f"{atom}: {text}" for atom, text in asked.text.items()))
@@ -322,7 +320,7 @@ class Evaluator:
         }
 
     def _described(self, opened: Opened) -> tuple[str, dict[str, Any]]:
-        """The evaluation's name, and everything that decided it."""
+        """The evaluation's name, and everything that its results depend on."""
         config, collection = self.config, self._manifest["collection"]
         at_home = bool(collection.get("home_pose", True))
         told = config.eye.instructions
@@ -474,13 +472,13 @@ def _line(value: object) -> bytes:
 
 
 def _opened_domain(config: EvalConfig) -> tuple[Subject, Domain | None]:
-    """What is asked about, and the scene where looks are drawn anew."""
+    """The subject of the questions, and the domain where pictures are rendered anew."""
     domain = load_domain(config.domain, config.problem) if Disturbance.parse(config.disturb).redraws else None
     return (domain.subject if domain else load_subject(config.domain, config.problem)), domain
 
 
-def _check_fruits(told: Mapping[int, Said], last: int) -> None:
-    """Give up where a row of looks came to nothing, the last that was taken among them.
+def _abort_if_fruitless(told: Mapping[int, Said], last: int) -> None:
+    """Aborts after a run of looks without an answer that includes the last one.
 
     Raises:
         InputError: they did.
@@ -493,7 +491,7 @@ def _check_fruits(told: Mapping[int, Said], last: int) -> None:
 
 
 def _files_of(eye: EstimatorConfig) -> list[list[Any]]:
-    """The files of a model that is in a folder here: their names, sizes, and when they were written."""
+    """The files of a model in a local folder: names, sizes and modification times."""
     folder = home(eye.vlm) if eye.vlm is not None and eye.server is None else None
     if folder is None or not folder.is_dir():
         return []
