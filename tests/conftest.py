@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parent.parent
 SLOW = (
@@ -19,6 +20,15 @@ SLOW = (
 )  # fmt: skip
 """A test file that imports one of these, by itself or by what it shares with others, simulates, draws, asks a model or
 a planner, or starts processes. All others are quick: `make quick`."""
+
+
+# Laws are not timed: the machine that checks them may be busy. Quick ones are checked with fewer examples.
+settings.register_profile("untimed", deadline=None)
+settings.register_profile("quick", deadline=None, max_examples=30)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    settings.load_profile("quick" if config.option.markexpr == "quick" else "untimed")
 
 
 @cache
