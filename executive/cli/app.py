@@ -1,4 +1,4 @@
-"""What surrounds every command: options for all of them, errors as one line, exit codes, Ctrl-C."""
+"""The application around the commands: common options, errors as one line, exit codes, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ from executive.errors import ExecutiveError
 REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED, TERMINATED = 0, 1, 2, 70, 130, 143
 
 SECONDS_TO_LEAVE = 4.0
-"""In which long work that is interrupted comes to rest, or is left."""
+"""The time that interrupted work has to stop before the process exits anyway."""
 
 app = typer.Typer(
-    help="Plan, do one thing, look, and ask whether the world is as expected.",
+    help="Closed-loop execution monitoring: plan, act, look, and compare the world with what was expected.",
     epilog="Exit codes: 0 goal reached, 1 not reached, 2 bad input, 3 missing on this machine, 130 interrupted, "
-    "143 asked to end.",
+    "143 terminated.",
     rich_markup_mode=None,
 )
 
 
 @dataclass
 class Settings:
-    """What holds for every command."""
+    """The options of every command."""
 
     debug: bool = False
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line (`sys.argv` unless `arguments` are given) and leave the process with its exit code."""
-    streams.settle()
+    streams.repair()
     try:
         code = exit_code(sys.argv[1:] if arguments is None else arguments)
     finally:
-        streams.leave()
+        streams.flush_quietly()
     if code > INTERRUPTED - signal.SIGINT:  # told to end: to take down all that was loaded can take seconds
         os._exit(code)
     sys.exit(code)
@@ -64,18 +64,18 @@ def exit_code(arguments: Sequence[str]) -> int:
         return int(code or 0)
     except KeyboardInterrupt:
         return INTERRUPTED
-    except SystemExit as order:
-        return int(order.code or 0)
+    except SystemExit as left:
+        return int(left.code or 0)
     except Exception as error:
         if settings.debug:
             raise
-        code, message = _told(error, arguments)
+        code, message = _exit_line(error, arguments)
         print(f"error: {message}", file=sys.stderr)
         return code
 
 
-def _told(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
-    """The exit code for an error, and the one line that tells of it."""
+def _exit_line(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
+    """Return the exit code for an error, and its message in one line."""
     match error:
         case ExecutiveError():
             return error.exit_code, one_line(str(error))
@@ -94,62 +94,63 @@ def _told(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
 
 
 def one_line(text: str) -> str:
-    """The text as a line that can be printed, whoever it comes from."""
+    """Return the text as one printable line."""
     return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in " ".join(text.split()))
 
 
 class Interrupted:
-    """Whether Ctrl-C came, or another order to end, and the exit code that says which."""
+    """The termination signal that was received, if any, and its exit code."""
 
     def __init__(self) -> None:
-        self.order = 0
+        self.signal = 0
 
     @property
     def code(self) -> int:
-        """As a shell has it: 128 and the signal's number."""
-        return 128 + (self.order or signal.SIGINT)
+        """Return 128 plus the signal's number, as shells do."""
+        return 128 + (self.signal or signal.SIGINT)
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
-    """Leave at once, with the exit code of the order that came."""
+    """Exit at once, with the signal's exit code."""
     raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
 
 
 @contextmanager
 def ctrl_c(cancel: Callable[[], None], seconds: float | None = None) -> Iterator[Interrupted]:
-    """Ctrl-C once cancels, which leaves the arm at rest and the trace whole; a second one leaves at once. So does being
-    asked to end, and the end of the terminal, unless that is not to matter (nohup).
+    """Handle Ctrl-C, SIGTERM and SIGHUP: the first cancels, which stops the arm and completes the trace; a second one
+    exits at once. Signals that are ignored (nohup) stay so.
 
     Args:
-        seconds: after which this process is left anyway, wherever it is. For work that is kept as it goes; that the
-            order has been heard is then said at once, even while this thread is in the middle of something.
+        cancel: called from the signal handler.
+        seconds: after which the process exits anyway, for work that is kept as it goes. A message then says at once
+            that the signal was received, even while the main thread is busy.
     """
-    heard = Interrupted()
+    received = Interrupted()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         for each in before:
             signal.signal(each, _leave)
-        heard.order = number
+        received.signal = number
         cancel()
 
-    orders = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    heeded = [each for each in orders if signal.getsignal(each) is not signal.SIG_IGN]
-    before = {each: signal.signal(each, interrupt) for each in heeded}
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    handled = [each for each in signals if signal.getsignal(each) is not signal.SIG_IGN]
+    before = {each: signal.signal(each, interrupt) for each in handled}
     try:
-        with nullcontext() if seconds is None else _left_within(seconds, heeded):
-            yield heard
+        with nullcontext() if seconds is None else _exit_within(seconds, handled):
+            yield received
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
 
 
 @contextmanager
-def _left_within(seconds: float, orders: Sequence[int]) -> Iterator[None]:
-    """Say at once that an order has been heard, and leave this process so many seconds after it."""
+def _exit_within(seconds: float, signals: Sequence[int]) -> Iterator[None]:
+    """Print a message when a signal is received, and exit the process so many seconds later."""
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     former = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    watch = threading.Thread(target=_watch, args=(reading, seconds, orders), name="orders", daemon=True)
+    watch = threading.Thread(target=_watch, args=(reading, seconds, signals), name="signals", daemon=True)
     watch.start()
     try:
         yield
@@ -160,9 +161,9 @@ def _left_within(seconds: float, orders: Sequence[int]) -> Iterator[None]:
         os.close(reading)
 
 
-def _watch(reading: int, seconds: float, orders: Sequence[int]) -> None:
-    """What `_left_within` has a thread do: the system writes the number of each signal that comes."""
-    while (number := os.read(reading, 1)) and number[0] not in orders:
+def _watch(reading: int, seconds: float, signals: Sequence[int]) -> None:
+    """The thread of `_exit_within`: reads the number of each signal that the interpreter writes to a pipe."""
+    while (number := os.read(reading, 1)) and number[0] not in signals:
         pass
     if not number:
         return
@@ -174,8 +175,8 @@ def _watch(reading: int, seconds: float, orders: Sequence[int]) -> None:
             continue
         more = os.read(reading, 64)
         if not more:
-            return  # it has come to its end
-        if any(each in orders for each in more):
+            return  # the work has ended
+        if any(each in signals for each in more):
             until = min(until, time.monotonic() + 1.0)
     with suppress(OSError, ValueError):
         sys.stderr.write("\x1b[?25h" if sys.stderr.isatty() else "")  # the cursor, which a bar hides

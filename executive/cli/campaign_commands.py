@@ -29,13 +29,11 @@ def bench(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="The folder for everything, to be gone on with later; campaigns/NAME if not given."),
+        typer.Option(help="The folder for everything, which can be continued later; campaigns/NAME if not given."),
     ] = None,
     only: Annotated[list[str] | None, typer.Option(help="Only this configuration; repeat it for more.")] = None,
     seeds: Annotated[int | None, typer.Option(min=1, help="Only the first so many seeds.")] = None,
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Play those again that could not be played to an end.")
-    ] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Run failed episodes again.")] = False,
     jobs: pool_options.Jobs = None,
     engine: pool_options.Engine = "processes",
     address: pool_options.Address = None,
@@ -46,16 +44,16 @@ def bench(
             help="One process holds the model for all; by default where there is a GPU and more than one job.",
         ),
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="Play nothing: report what there is in this folder.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Run nothing: report what there is in this folder.")] = None,
     compare: Annotated[
         tuple[str, str] | None,
-        typer.Option(help="Play nothing: compare two folders, or FOLDER:CONFIGURATION with another.", metavar="A B"),
+        typer.Option(help="Run nothing: compare two folders, or FOLDER:CONFIGURATION with another.", metavar="A B"),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> int:
-    """Play a campaign: problems, seeds and faults, met by several estimators and monitors; scored by the truth.
+    """Run a campaign: problems, seeds and faults, with several estimators and monitors; scored by ground truth.
 
-    Ends with 0 where all episodes were played, with 1 where some could not be.
+    The exit code is 0 if all episodes were run, 1 if some failed.
     """
     if (campaign is not None) + (report is not None) + (compare is not None) != 1:
         raise InputError("name a campaign's file, or a folder with --report, or two with --compare", key="bench")
@@ -109,8 +107,8 @@ def bench(
 def _processes(
     work: Path, episodes: Sequence[Episode], jobs: int | None, limit: float, share: bool | None
 ) -> Iterator[WorkerPool[Episode, Row]]:
-    """Processes of this machine, and one more that holds the model for all of them where that is wanted (`share`) or,
-    where nothing is said, saves a GPU from holding it several times."""
+    """Open worker processes of this machine, and one more that holds the model for all of them if `share` says so; by
+    default, if a GPU would otherwise hold it several times."""
     from executive.lab.campaign.episode import Simulated, loads_model
     from executive.lab.common.process_pool import ProcessPool
     from executive.s3e.backends.loading import has_gpu

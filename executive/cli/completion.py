@@ -1,4 +1,4 @@
-"""What a shell offers for a word that is being typed: the names of domains, problems and runs that are there.
+"""Shell completion: the names of domains, problems and runs that exist.
 
 Each function gives pairs of a word and what it means; the shell keeps those that begin as the typed word does. A TAB
 never fails: what cannot be read offers nothing.
@@ -53,18 +53,18 @@ def estimators() -> Offer:
     from executive.app.run import ESTIMATORS
 
     meanings = {
-        "oracle": "the simulator's truth",
-        "vlm": "a vision-language model looks",
-        "none": "nobody looks",
+        "oracle": "ground truth",
+        "vlm": "a vision-language model",
+        "none": "open loop",
     }
     return [(name, meanings.get(name, "")) for name in ESTIMATORS]
 
 
 def monitors() -> Offer:
     meanings = {
-        "plain": "each answer alone",
-        "consistent": "the answers of one moment together",
-        "full": "and with what was seen before",
+        "plain": "each answer thresholded on its own",
+        "consistent": "the answers of one moment made consistent",
+        "full": "the same with memory",
     }
     return list(meanings.items())
 
@@ -83,7 +83,7 @@ def translators() -> Offer:
 def instructions() -> Offer:
     from executive.app.estimators import DOMAIN, NONE, PAPER
 
-    return [(DOMAIN, "the domain's own"), (PAPER, "the paper's, for its groceries"), (NONE, "nobody tells it")]
+    return [(DOMAIN, "the domain's own"), (PAPER, "the paper's, for its groceries"), (NONE, "no instructions")]
 
 
 def _offered(found: Callable[[], Iterable[tuple[str, str]]]) -> Offer:

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands have, worded once."""
+"""Arguments and options that several commands share."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _problems(ctx: typer.Context) -> completion.Offer:
     return completion.problems(ctx.params.get("domain") or next(iter(ctx.args), None))
 
 
-# What several commands ask for in the same way.
+# What several commands take.
 DomainName = Annotated[
     str,
     typer.Argument(
@@ -34,40 +34,38 @@ ProblemName = Annotated[
 
 RunName = Annotated[str, typer.Argument(help="A run's folder, or its name in runs/.", autocompletion=completion.runs)]
 
-# Which model looks, and how it is asked: the same for every command that looks.
+# The options of the estimator, for every command that asks a model.
 Model = Annotated[str | None, typer.Option(help="The model: a folder, a hub id, or its name at --server.")]
 Server = Annotated[str | None, typer.Option(help="Address of an OpenAI-compatible server that has the model.")]
 TranslatorName = Annotated[
     str,
-    typer.Option(help="Who words the questions: templates, llm or none.", autocompletion=completion.translators),
+    typer.Option(help="What words the questions: templates, llm or none.", autocompletion=completion.translators),
 ]
 LanguageModel = Annotated[str | None, typer.Option(help="The language model for --translator llm.")]
 Instructions = Annotated[
     str | None,
     typer.Option(
-        help="Who tells it how things look: domain (if not given), paper (for the paper's groceries), none, or a file.",
+        help="How things look, for the prompt: domain (the default), paper (for its groceries), none, or a file.",
         autocompletion=completion.instructions,
     ),
 ]
 NoInstructions = Annotated[bool, typer.Option("--no-instructions", help="The same as --instructions none.")]
-PerImage = Annotated[bool, typer.Option("--per-image", help="Ask about each picture alone, and average.")]
+PerImage = Annotated[bool, typer.Option("--per-image", help="Ask about each picture on its own, and average.")]
 Cameras = Annotated[
     list[str] | None,
-    typer.Option(
-        help="Show it the pictures of these cameras alone, such as front (the paper's way); front,hand for two."
-    ),
+    typer.Option(help="Only the pictures of these cameras, such as front (as in the paper); front,hand for two."),
 ]
 Abstention = Annotated[
     bool,
     typer.Option(
         "--abstention/--no-abstention",
-        help="Leave open what it puts little on yes and no for; without, yes / (yes + no) always (the paper's way).",
+        help="Unknown where little probability is on yes and no; without, always yes / (yes + no) (as in the paper).",
     ),
 ]
 CalibrationFile = Annotated[Path | None, typer.Option(help="A file that corrects the probabilities.")]
 
 
-def eye_config(
+def estimator_config(
     vlm: str | None,
     server: str | None,
     translator: str,
@@ -79,15 +77,15 @@ def eye_config(
     abstention: bool,
     calibration: Path | None,
 ) -> EstimatorConfig:
-    """What these options come to.
+    """Return the estimator's configuration from these options.
 
     Raises:
-        InputError: they do not go together.
+        InputError: two of them exclude each other.
     """
     from executive.app.estimators import NONE, EstimatorConfig
 
     if no_instructions and instructions not in (None, NONE):
         raise InputError(f"does not go with --instructions {instructions}", key="--no-instructions")
     shown = tuple(name.strip() for names in cameras or () for name in names.split(","))
-    told = NONE if no_instructions else True if instructions is None else instructions
-    return EstimatorConfig(vlm, server, translator, llm, told, per_image, calibration, shown, abstention)
+    chosen = NONE if no_instructions else True if instructions is None else instructions
+    return EstimatorConfig(vlm, server, translator, llm, chosen, per_image, calibration, shown, abstention)

@@ -1,4 +1,4 @@
-"""Runs decided once more, from their records."""
+"""The command that replays a run's decisions from its record."""
 
 from __future__ import annotations
 
@@ -26,24 +26,25 @@ def replay(
     monitor: Annotated[
         str | None,
         typer.Option(
-            help="What is made of the looks: plain, consistent or full; the run's own if not given.",
+            help="The monitor: plain, consistent or full; the run's own if not given.",
             autocompletion=completion.monitors,
         ),
     ] = None,
     alpha: Annotated[
-        float | None, typer.Option(help="Tell something wrongly in at most this share of looks; doubt the rest.")
+        float | None,
+        typer.Option(help="Error rate: the share of looks that may have a wrong value; the rest is unknown."),
     ] = None,
     threshold: Annotated[
-        float | None, typer.Option(help="Take each answer alone at its word, above or below; 0.5 is the paper's way.")
+        float | None, typer.Option(help="Threshold each answer on its own, without unknowns; 0.5 as in the paper.")
     ] = None,
-    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Weigh looks with what was seen before.")] = True,
-    trust: Annotated[Path | None, typer.Option(help="A file that says how often the model errs.")] = None,
+    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Combine looks with earlier ones.")] = True,
+    trust: Annotated[Path | None, typer.Option(help="A file with the model's error rates.")] = None,
     every: Annotated[bool, typer.Option("--all", help="Show the decisions that are the same, too.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print both sides as JSON.")] = False,
 ) -> int:
-    """Decide once more from a run's record, without model or simulator: as then, or with another monitor.
+    """Replay a run's decisions from its record, without model or simulator, with its own or another monitor.
 
-    Ends with 0 where both do the same, with 1 where they part.
+    The exit code is 0 if both decide the same, 1 if they differ.
     """
     from executive.replay import compare_run
 
@@ -61,7 +62,7 @@ def replay(
 def _wanted(
     monitor: str | None, alpha: float | None, threshold: float | None, memory: bool, trust: Path | None
 ) -> MonitorConfig | None:
-    """The monitor that is asked for; None for the run's own."""
+    """Return the requested monitor; None for the run's own."""
     given = alpha is not None or threshold is not None or not memory or trust is not None
     if monitor is None and not given:
         return None
@@ -70,7 +71,7 @@ def _wanted(
     if monitor is None:
         return MonitorConfig(alpha, threshold, memory, trust)
     if given:
-        raise InputError("names a monitor as a whole; it goes without the options that make one", key="--monitor")
+        raise InputError("names a preset, and excludes the options that set a monitor up", key="--monitor")
     return preset(monitor)
 
 

@@ -1,4 +1,4 @@
-"""Runs: to carry one out, to have it told, to look at it."""
+"""The commands about runs: execute, resume, explain, inspect."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from executive.cli.options import (
     RunName,
     Server,
     TranslatorName,
-    eye_config,
+    estimator_config,
 )
 from executive.errors import InputError
 from executive.types import OutcomeKind
@@ -43,11 +43,11 @@ if TYPE_CHECKING:
 def run(
     domain: DomainName,
     problem: ProblemName = None,
-    seed: Annotated[int, typer.Option(min=0, help="Fixes the scene and every chance after it.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Fixes the scene and every random number.")] = 0,
     estimator: Annotated[
         str,
         typer.Option(
-            help="Who says what is true: vlm (a model looks), oracle (the simulator), or none (go on blindly).",
+            help="What estimates the state: vlm (a model), oracle (ground truth), or none (open loop).",
             autocompletion=completion.estimators,
         ),
     ] = "vlm",
@@ -62,13 +62,14 @@ def run(
     abstention: Abstention = True,
     calibration: CalibrationFile = None,
     alpha: Annotated[
-        float | None, typer.Option(help="Tell something wrongly in at most this share of looks; doubt the rest.")
+        float | None,
+        typer.Option(help="Error rate: the share of looks that may have a wrong value; the rest is unknown."),
     ] = None,
     threshold: Annotated[
-        float | None, typer.Option(help="Take each answer alone at its word, above or below; 0.5 is the paper's way.")
+        float | None, typer.Option(help="Threshold each answer on its own, without unknowns; 0.5 as in the paper.")
     ] = None,
-    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Weigh looks with what was seen before.")] = True,
-    trust: Annotated[Path | None, typer.Option(help="A file that says how often the model errs.")] = None,
+    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Combine looks with earlier ones.")] = True,
+    trust: Annotated[Path | None, typer.Option(help="A file with the model's error rates.")] = None,
     fault: Annotated[
         list[str] | None,
         typer.Option(help="Break something: drop@4, shove:p=0.3 (see: executive faults); repeat it for more."),
@@ -82,24 +83,26 @@ def run(
     max_actions: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
     max_cycles: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
     max_looks: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
-    max_seconds: Annotated[
-        float | None, typer.Option(min=0.0, help="Give up after so many, on the wall's clock.")
-    ] = None,
+    max_seconds: Annotated[float | None, typer.Option(min=0.0, help="Give up after so many wall seconds.")] = None,
     patience: Annotated[
-        float, typer.Option(help="End a look, a plan or an action that takes more seconds on the wall's clock.")
+        float, typer.Option(help="Time limit of a look, a plan or an action, in wall seconds.")
     ] = 900.0,
-    max_looks_again: Annotated[int | None, typer.Option(min=0, help="Looks at what is in doubt, at a time.")] = None,
+    max_looks_again: Annotated[
+        int | None, typer.Option(min=0, help="Looks again at uncertain atoms, in a row.")
+    ] = None,
     max_questions: Annotated[int | None, typer.Option(min=1, help="Atoms that a look may ask about.")] = None,
-    guard: Annotated[bool, typer.Option("--guard/--no-guard", help="Look after what is carried.")] = True,
+    guard: Annotated[
+        bool, typer.Option("--guard/--no-guard", help="Look at what is carried while it is carried.")
+    ] = True,
     runs: Annotated[Path, typer.Option(help="Where the run's folder is made.")] = Path("runs"),
     name: Annotated[str | None, typer.Option(help="The name of the run's folder.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary on stdout, all else on stderr.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors, and --json.")] = False,
     viewer: Annotated[bool, typer.Option("--trace-viewer/--no-trace-viewer", help="Write trace.rrd, too.")] = True,
     view: Annotated[bool, typer.Option("--view", help="Watch it in the Rerun viewer while it goes on.")] = False,
-    tree: Annotated[bool, typer.Option("--tree", help="Have the trees that motions are searched with shown.")] = False,
+    tree: Annotated[bool, typer.Option("--tree", help="Show the search trees of motion planning.")] = False,
 ) -> int:
-    """Reach a problem's goal in the simulator, and write down all that happens."""
+    """Reach a problem's goal in the simulator, and record everything that happens."""
     from executive.util import requirements
 
     requirements.require()
@@ -113,9 +116,9 @@ def run(
     from executive.trace.viewer.process import open_window
 
     if view and not viewer:
-        raise InputError("shows what the trace holds; it does not go with --no-trace-viewer", key="--view")
+        raise InputError("needs the viewer's trace, which --no-trace-viewer turns off", key="--view")
     broken = (*(fault or ()), *(read_faults(faults) if faults is not None else ()))
-    eye = eye_config(
+    eye = estimator_config(
         vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
     )
     config = assemble.RunConfig(
@@ -195,7 +198,7 @@ def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
     except OSError as error:  # how the run ended does not hang on whether that can be printed
         unprinted = f"what it came to could not be printed ({reason(error)}), and is in {prepared.folder}"
         print(f"warning: {one_line(unprinted)}", file=sys.stderr)
-        streams.leave()
+        streams.flush_quietly()
     if summary["outcome"] == OutcomeKind.INTERRUPTED:
         return interrupted.code
     # A goal that nobody saw is not reported as reached, whatever a blind robot believes.

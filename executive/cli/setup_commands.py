@@ -1,4 +1,4 @@
-"""What is there: domains that come along, a new one, what can be broken, and the machine."""
+"""The commands about the installation: shipped domains, a new domain, kinds of faults, and the machine."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def domains(
 
 
 def new(
-    name: Annotated[str, typer.Argument(help="What the domain is called, such as my-domain; its folder, too.")],
+    name: Annotated[str, typer.Argument(help="The name of the domain and its folder, such as my-domain.")],
     parent: Annotated[Path, typer.Option("--in", help="Where that folder is made.")] = Path(),
     as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
 ) -> None:
@@ -58,7 +58,7 @@ def new(
 def faults(
     as_json: Annotated[bool, typer.Option("--json", help="Print them as JSON.")] = False,
 ) -> None:
-    """List what can be broken on purpose, and how it is written (for: executive run --fault, --faults)."""
+    """List the faults that can be injected, and their grammar (for: executive run --fault, --faults)."""
     from executive.faults import KINDS
 
     if as_json:
@@ -92,11 +92,11 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
     markdown: Annotated[bool, typer.Option("--markdown", help="Print it as a block for a bug report.")] = False,
 ) -> int:
-    """Say what this machine has and lacks, each with the command that mends it."""
+    """Check what this machine has and lacks, each with the command that mends it."""
     from executive.app import doctor as examination
 
     if as_json and markdown:
-        raise InputError("is one way to print it, --json is another", key="--markdown")
+        raise InputError("excludes --json", key="--markdown")
     if as_json or markdown:
         findings = list(examination.examine())
         print(json.dumps(examination.as_json(findings), indent=2) if as_json else examination.as_markdown(findings))

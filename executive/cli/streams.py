@@ -1,5 +1,5 @@
-"""Standard input, output and error, whatever the caller has left of them: cron, `>&-`, `| head`, a terminal that is
-gone, a window without a console."""
+"""Makes standard input, output and error usable in every environment: cron, `>&-`, `| head`, a closed terminal, a
+window without a console."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import sys
 from typing import Any, TextIO
 
 
-def settle() -> None:
-    """Have all three be there, for this process and those that it starts. What is closed leads nowhere; what nobody
-    reads any more is dropped; and what has no character for a text gets another one."""
+def repair() -> None:
+    """Open all three streams, for this process and those that it starts. Closed streams lead to the null device, output
+    to closed pipes is dropped, and characters that the encoding lacks are replaced."""
     for number in range(3):
         try:
             os.fstat(number)
-        except OSError:  # else the next file that is opened would be it, and get what others print
+        except OSError:  # otherwise the next opened file would get this number, and the output with it
             _lead_nowhere(number)
-    if sys.stdout is None or sys.stderr is None:  # as Python has it where they were closed
+    if sys.stdout is None or sys.stderr is None:  # as Python sets them if they were closed
         nowhere = open(os.devnull, "w", encoding="utf-8", errors="replace")  # noqa: SIM115 - as long as the process
         sys.stdout, sys.stderr = sys.stdout or nowhere, sys.stderr or nowhere
-    sys.stdout, sys.stderr = _heard(sys.stdout, 1), _heard(sys.stderr, 2)
+    sys.stdout, sys.stderr = _tolerant(sys.stdout, 1), _tolerant(sys.stderr, 2)
 
 
-def leave() -> None:
-    """Have Python's own flush at exit not complain of what was complained of before."""
+def flush_quietly() -> None:
+    """Flush the streams, so that Python's flush at exit does not report errors that were reported before."""
     for stream, number in ((sys.stdout, 1), (sys.stderr, 2)):
         try:
             stream.flush()
@@ -33,8 +33,8 @@ def leave() -> None:
             _lead_nowhere(number)
 
 
-def _heard(stream: TextIO, number: int) -> TextIO:
-    """The same stream, which goes on when nobody hears it. One that somebody put in its place is left alone."""
+def _tolerant(stream: TextIO, number: int) -> TextIO:
+    """Return the stream, wrapped so that closed pipes raise no error. A replaced stream (as in tests) stays as it is."""
     if type(stream) is not io.TextIOWrapper or stream.fileno() != number:
         return stream
     descriptor = _Descriptor(number)
@@ -49,19 +49,19 @@ def _heard(stream: TextIO, number: int) -> TextIO:
 
 
 class _Descriptor(io.FileIO):
-    """Where a stream leads to."""
+    """A file descriptor that tolerates closed pipes and terminals."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number, "w", closefd=False)
-        self._unheard = {errno.EPIPE} | ({errno.EIO} if os.isatty(number) else set())
+        self._tolerated = {errno.EPIPE} | ({errno.EIO} if os.isatty(number) else set())
         self._last = number == 2
-        """Of what goes wrong here, there is nowhere left to tell."""
+        """Errors on stderr cannot be reported anywhere."""
 
     def write(self, data: Any) -> int:
         try:
             return super().write(data)
         except OSError as error:
-            if error.errno not in self._unheard and not self._last:
+            if error.errno not in self._tolerated and not self._last:
                 raise
             _lead_nowhere(self.fileno())
             return memoryview(data).nbytes

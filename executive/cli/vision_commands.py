@@ -25,7 +25,7 @@ from executive.cli.options import (
     ProblemName,
     Server,
     TranslatorName,
-    eye_config,
+    estimator_config,
 )
 from executive.errors import InputError
 from executive.util.files import check_writable
@@ -70,7 +70,7 @@ def estimate(
         raise InputError("pass pictures with --image, or a video with --video", key="estimate")
     images = estimating.read_images(image or [])
     frames = read_frames(video, every) if video is not None else iter(())
-    config = eye_config(
+    config = estimator_config(
         vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
     )
     if video is None:
@@ -103,7 +103,7 @@ def collect(
     address: pool_options.Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was collected as JSON.")] = False,
 ) -> int:
-    """Collect pictures and the truth about them, by random actions in the simulator (the paper's Appendix D)."""
+    """Collect pictures with ground truth, by random actions in the simulator (the paper's Appendix D)."""
     pool_options.check(engine, address)
     from executive.util import requirements
 
@@ -146,7 +146,7 @@ def evaluate(
     disturb: Annotated[
         list[str] | None,
         typer.Option(
-            help="Make looks harder: lights, cameras, jpeg=40, blurred=3, noisy=40, dark=0.7; repeat it for more."
+            help="Disturb the pictures: lights, cameras, jpeg=40, blurred=3, noisy=40, dark=0.7; repeat it for more."
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Fixes which wording and what disturbance a look gets.")] = 0,
@@ -159,9 +159,9 @@ def evaluate(
     ] = None,
     engine: pool_options.Engine = "processes",
     address: pool_options.Address = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what it came to as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> int:
-    """Measure how well a model sees, on collected pictures (Experiment 1 of the paper), and write a report."""
+    """Measure a model's accuracy on collected pictures (Experiment 1 of the paper), and write a report."""
     pool_options.check(engine, address)
     from executive.lab.common.progress import show_progress
     from executive.lab.evaluation import report as reporting
@@ -169,7 +169,7 @@ def evaluate(
     from executive.lab.evaluation.evaluate import EvalConfig, Evaluator
     from executive.trace.terminal.console import waiting
 
-    eye = eye_config(
+    eye = estimator_config(
         vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
     )
     config = EvalConfig(domain, data, eye, problem, looks, paraphrases, rename, tuple(disturb or ()), seed)
@@ -205,31 +205,31 @@ def calibrate(
     evaluations: Annotated[list[Path], typer.Argument(help="Evaluations of one model (see: executive eval).")],
     out: Annotated[Path, typer.Option(help="The model's folder, where runs find it; or a file, for run --trust.")],
     problem: ProblemName = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was learnt as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the fit as JSON.")] = False,
 ) -> None:
-    """Learn from evaluations how far a model can be trusted, for runs with it, and with --alpha."""
+    """Fit a model's sensor model and calibration on evaluations, for runs with it, and with --alpha."""
     from executive.lab.evaluation import calibrate as calibrating
 
-    file, trust = calibrating.calibrate(domain, evaluations, out, problem)
+    file, fitted = calibrating.calibrate(domain, evaluations, out, problem)
     if as_json:
         print(json.dumps({"file": str(file), "trust": json.loads(file.read_text(encoding="utf-8"))}, indent=2))
         return
-    print(calibrating.summary(trust))
+    print(calibrating.summary(fitted))
     print(f"written to {file}")
 
 
 def train(
     domain: DomainName,
-    out: Annotated[Path, typer.Option(help="The folder for everything; a training that was begun is gone on with.")],
+    out: Annotated[Path, typer.Option(help="The folder for everything; an interrupted training in it is continued.")],
     problem: ProblemName = None,
-    recipe: Annotated[str, typer.Option(help="How large an eye, and how long: small, or smallest to try it out.")] = (
-        "small"
-    ),
+    recipe: Annotated[
+        str, typer.Option(help="The size of the model and of the training: small, or smallest to try it out.")
+    ] = ("small"),
     seed: Annotated[int, typer.Option(min=0, help="Fixes everything but rounding.")] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes and threads; all cores if not given.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
 ) -> int:
-    """Grow a vision-language model that sees this domain, from simulated pictures alone; takes a night."""
+    """Train a vision-language model for this domain on simulated pictures alone; takes a night."""
     from executive.util import requirements
 
     requirements.require()
@@ -244,7 +244,7 @@ def train(
         print(f"interrupted; everything is kept, go on with: {training.config.command}", file=sys.stderr)
         return interrupted.code
     look = shlex.join(["executive", "run", domain, "--vlm", str(model)])
-    print(json.dumps({"model": str(model), "run": look}, indent=2) if as_json else f"{model}; look through it: {look}")
+    print(json.dumps({"model": str(model), "run": look}, indent=2) if as_json else f"{model}; run with it: {look}")
     return REACHED
 
 

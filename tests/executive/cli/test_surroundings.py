@@ -54,7 +54,7 @@ def test_output_that_is_full_is_bad_input_even_where_that_cannot_be_told(tmp_pat
 def test_what_is_closed_is_not_given_to_the_next_file(tmp_path: Path) -> None:
     """Else what libraries print would be in that file."""
     program = (
-        "import os; from executive.cli import streams; streams.settle(); "
+        "import os; from executive.cli import streams; streams.repair(); "
         "file = open('kept', 'w'); os.write(1, b'other'); os.write(2, b'other'); print('other'); file.write('kept')"
     )
     assert shell(f"{sys.executable} -c {shlex.quote(program)} <&- >&- 2>&-", tmp_path).returncode == 0
