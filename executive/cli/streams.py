@@ -34,7 +34,7 @@ def flush_quietly() -> None:
 
 
 def _tolerant(stream: TextIO, number: int) -> TextIO:
-    """Return the stream, wrapped so that closed pipes raise no error. A replaced stream (as in tests) stays as it is."""
+    """Return the stream, wrapped so that closed pipes raise no error. A replaced stream, as in tests, stays."""
     if type(stream) is not io.TextIOWrapper or stream.fileno() != number:
         return stream
     descriptor = _Descriptor(number)

@@ -1,18 +1,16 @@
-"""Calibration: from what a model says to how often that turns out to be true, predicate by predicate.
+"""Calibration: corrects a model's probabilities to observed frequencies, predicate by predicate.
 
 A correction is two numbers: log-odds are multiplied by a slope and shifted by a bias. The slope alone is temperature
 scaling (Guo et al. 2017; the slope is 1 / temperature), both are Platt scaling (Platt 1999, whose softened targets keep
 the fit finite where few or perfectly separated examples would not). Predicates with few examples of the rarer truth
-lean on what all predicates have in common.
+value are shrunk towards the correction that all predicates share.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -24,19 +22,20 @@ import numpy as np
 
 from executive.errors import InputError, nearest
 from executive.types import Atom, Belief, FloatArray
+from executive.util.atomic_write import write_atomic
 from executive.util.files import read_json
 
 FILE = "calibration.json"
-"""What the file is called that lies beside a model."""
+"""The name of the file beside a model."""
 
 PRIOR = 10.0
-"""A predicate with this many examples of its rarer truth counts as much as all predicates together."""
+"""A predicate with this many examples of its rarer truth value counts as much as all predicates together."""
 
 LEAST_SLOPE = 0.01
-"""Where the answers say nothing, or the opposite: next to nothing of them is left, and their order is kept."""
+"""The slope for uninformative or inverted answers: it leaves almost nothing of them, and keeps their order."""
 
 _EDGE = 1e-6
-"""Probabilities nearer to 0 or 1 than this are taken to be this near: log-odds of at most 13.8."""
+"""Probabilities are clipped to [_EDGE, 1 - _EDGE]: log-odds of at most 13.8."""
 _FORMAT = 1
 _LARGEST = 1_000_000
 _ABOUT = (
@@ -52,7 +51,7 @@ class Method(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Scaling:
-    """P -> sigmoid(slope * logit(P) + bias). It rests on labels of so many true and false atoms."""
+    """The correction P -> sigmoid(slope * logit(P) + bias), fitted on the labels of so many true and false atoms."""
 
     slope: float = 1.0
     bias: float = 0.0
@@ -66,7 +65,7 @@ class Scaling:
             raise ValueError(f"{min(self.true, self.false)} labels are fewer than none")
 
     def __call__(self, probability: float) -> float:
-        """The corrected probability. Strictly increasing, but for what is nearer to 0 or 1 than one in a million."""
+        """Return the corrected probability, which increases strictly within [1e-6, 1 - 1e-6]."""
         if not 0.0 <= probability <= 1.0:
             raise ValueError(f"{probability!r} is not a probability")
         return _sigmoid(self.slope * _logit(probability) + self.bias)
@@ -88,12 +87,12 @@ class Calibration:
         return self.predicates.get(atom.predicate, self.shared)(probability)
 
     def apply(self, belief: Belief) -> Belief:
-        """The belief with corrected probabilities. What it rests on, and what is unanswered, stays."""
+        """Return the belief with corrected probabilities, and the same evidence and unanswered atoms."""
         corrected = {atom: self(atom, probability) for atom, probability in belief.probability.items()}
         return replace(belief, probability=corrected)
 
     def save(self, path: Path | str) -> Path:
-        """Write the file, whole or not at all; given a folder (a model's), `calibration.json` in it.
+        """Write the file atomically; given a folder (a model's), `calibration.json` in it.
 
         Raises:
             InputError: it cannot be written.
@@ -109,19 +108,9 @@ class Calibration:
         }
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
-            try:
-                with open(handle, "w", encoding="utf-8") as stream:
-                    stream.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
-                os.chmod(name, 0o644)
-                os.replace(name, file)
-            except BaseException:
-                with contextlib.suppress(OSError):
-                    os.unlink(name)
-                raise
+            return write_atomic(file, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror})", file=file) from None
-        return file
 
     @classmethod
     def load(cls, path: Path | str) -> Calibration:
@@ -133,7 +122,7 @@ class Calibration:
         file = _file(path)
         document = _read(file)
         if "domains" in document:
-            message = "says how far a model is to be trusted, and corrects nothing: it is for executive run --trust"
+            message = "has a sensor model, not a calibration of probabilities: it is for executive run --trust"
             raise InputError(message, file=file)
         valid = ("about", "format", "model", "method", "shared", "predicates")
         for key in document:

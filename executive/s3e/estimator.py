@@ -19,7 +19,7 @@ from executive.types import Atom, Belief, Evidence, Image, Observation, Question
 log = logging.getLogger(__name__)
 
 Calibrator: TypeAlias = Callable[[Atom, float], float]
-"""What the probability of an atom is, given what the model says it is. One that is no probability is no answer."""
+"""A function from an atom and the model's probability to the corrected one. A result outside [0, 1] is no answer."""
 
 
 class Views(StrEnum):
@@ -39,7 +39,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was asked about one atom, all that was answered, and what it comes to: None where that is no answer."""
+    """The question about one atom, all answers, and the probability that follows; None for no answer."""
 
     question: str
     views: tuple[View, ...]
@@ -51,15 +51,14 @@ class S3E:
 
     Args:
         backend: the model.
-        questions: what is asked of which atom, under which system prompt.
-        cameras: whose pictures are shown, in this order; without it, all of an observation.
+        questions: the question about each atom, and the system prompt.
+        cameras: the cameras whose pictures are shown, in this order; without it, all of an observation.
         views: how several pictures are shown.
         least_mass: see `LEAST_MASS`.
-        calibrate: corrects each probability; the evidence keeps what the model said.
+        calibrate: corrects each probability; the evidence keeps the model's own.
 
-    An atom without a question, without a picture, or without an answer is unanswered, and the evidence says why. What
-    goes wrong in the model or on the way to it ends the same way: nothing is raised in the middle of a run but
-    `MissingError`.
+    An atom without a question, a picture or an answer is unanswered, and the evidence says why. So is every atom after
+    an error of the model or its server: only `MissingError` is raised in the middle of a run.
     """
 
     def __init__(
@@ -84,8 +83,8 @@ class S3E:
         return f"s3e:{self.backend.name}"
 
     def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
-        """A belief over exactly `atoms`, with its evidence. Asking for more atoms of the same observation costs their
-        questions alone: its pictures have been taken in."""
+        """Return a belief over exactly `atoms`, with its evidence. More atoms of the same observation only cost their
+        questions: its pictures are cached."""
         findings = self.ask(observation, atoms)
         probability = {atom: f.probability for atom, f in findings.items() if f.probability is not None}
         return Belief(
@@ -97,7 +96,7 @@ class S3E:
         )
 
     def ask(self, observation: Observation, atoms: Sequence[Atom]) -> dict[Atom, Finding]:
-        """Everything behind a belief: each atom's question, the prompts as rendered, and the masses of its answers."""
+        """Return each atom's question, the rendered prompts, and the probability masses of its answers."""
         asked = [atom for atom in dict.fromkeys(atoms) if atom in self.questions.text]
         groups = self._groups(observation)
         answers = {cameras: self._answers(observation, cameras, asked) for cameras in groups}
@@ -152,8 +151,8 @@ class S3E:
         return self._looks[cameras]
 
     def _probability(self, atom: Atom, views: Sequence[View]) -> float | None:
-        told = [view.answer.probability(self.least_mass) for view in views]
-        known = [probability for probability in told if probability is not None]
+        answers = [view.answer.probability(self.least_mass) for view in views]
+        known = [probability for probability in answers if probability is not None]
         if not known:
             return None
         probability = fmean(known)
@@ -163,10 +162,10 @@ class S3E:
 
 
 def observe(images: Mapping[str, Image], *, id: int = 0, time: float = 0.0) -> Observation:
-    """Pictures as an observation, for whoever has no world that makes one: name of the camera -> (H, W, 3) uint8 RGB.
+    """Make an observation of pictures, without a world: camera name -> (H, W, 3) uint8 RGB.
 
     Raises:
-        ValueError: something is no such picture.
+        ValueError: a picture has another shape or type.
     """
     return Observation(id, time, dict(images), np.empty(0))
 

@@ -1,4 +1,4 @@
-"""Pictures from files of strangers: read as they are meant to be seen, or refused in one line."""
+"""Reads untrusted picture files as they are meant to be displayed, or refuses them in one line."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "PPM")
 
 
 def read_picture(path: Path | str) -> Image:
-    """The picture in a file, (H, W, 3) uint8 RGB, turned upright where its EXIF data says so. What is transparent is
-    shown on white; of an animation, the first picture; what has more than eight bits a pixel is brought to eight.
+    """Return the picture in a file, (H, W, 3) uint8 RGB, upright by its EXIF data, on white where it is
+    transparent, reduced to eight bits a channel; of an animation, the first picture.
 
     Raises:
         InputError: there is no such file, or it is no picture, a broken one, or one that is too large.

@@ -1,4 +1,4 @@
-"""How far probabilities can be taken at their word: reliability bins, the expected calibration error, and a picture."""
+"""Measures calibration: reliability bins, the expected calibration error, and a reliability diagram."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class Bin:
 
 
 def pairs(belief: Belief, truth: Mapping[Atom, bool]) -> list[tuple[float, bool]]:
-    """The probability and the label of each atom that has both."""
+    """Return the probability and the label of each atom that has both."""
     return [(probability, truth[atom]) for atom, probability in belief.probability.items() if atom in truth]
 
 
 def reliability(answers: Sequence[tuple[float, bool]], bins: int = BINS) -> tuple[Bin, ...]:
-    """The bins that are not empty, in order. `answers` are probabilities with labels; 1.0 is in the last bin."""
+    """Return the non-empty bins in order. `answers` are probabilities with labels; 1.0 is in the last bin."""
     if bins < 1:
         raise ValueError(f"{bins} bins hold nothing")
     if not answers:

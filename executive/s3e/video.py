@@ -1,4 +1,4 @@
-"""Frames of a video, every so often (the paper's Experiment 2 estimates a recorded robot frame by frame)."""
+"""Reads frames of a video at regular intervals (the paper's Experiment 2 estimates a recorded robot frame by frame)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The values that flow through the executive: all frozen, none of them knows a planner, a model or a simulator.
+"""The values that flow through the executive. All are frozen; none depends on a planner, a model or a simulator.
 
-One word for one thing: an *atom* is a grounded predicate, *facts* are signed atoms, a *belief* is what a look says
-of each atom, a *verdict* is what an expectation becomes when a belief is held against it.
+An *atom* is a grounded predicate, *facts* are signed atoms, a *belief* has a probability for each atom after a look, a
+*verdict* is the result of comparing an expectation with a belief.
 """
 
 from executive.types.actions import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus

@@ -1,4 +1,4 @@
-"""What a skill does, and what it says of that."""
+"""Actions, and what skills report about them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class SkillStatus(StrEnum):
     DONE = "done"
     NO_PATH = "no path"
     UNREACHABLE = "unreachable"
-    DOES_NOT_FIT = "does not fit"  # it is larger than what it is to be put on
+    DOES_NOT_FIT = "does not fit"  # the object is larger than the place
     NOT_THERE = "not there"  # the object is not where the step says; it is not fetched from elsewhere
     GRASP_MISSED = "grasp missed"
     DROPPED = "dropped"
@@ -24,18 +24,17 @@ class SkillStatus(StrEnum):
 
 
 class Sense(StrEnum):
-    """By what the robot knows whether it still holds what it carries."""
+    """The sense by which a dropped object was noticed."""
 
     FELT = "felt"  # the gripper's width, the joints
-    SEEN = "seen"  # the pictures that the guard took meanwhile
+    SEEN = "seen"  # the pictures of the hold guard
 
 
 @dataclass(frozen=True, slots=True)
 class SkillResult:
-    """What a skill says of itself. `seconds` is the world's time that it took, `planned_seconds` what it would have
-    taken to the end as far as it was planned (larger than `seconds` when it ended early). `sense` is by what a skill
-    that ended because of a drop came to know of it. `holding`: whether the hand feels, at the end, that it holds
-    something (None: it cannot feel, or was not asked)."""
+    """A skill's report. `seconds` is the world's time that it took, `planned_seconds` the time of all that it planned
+    (larger than `seconds` if it ended early). `sense` is how a skill that ended because of a drop noticed it. `holding`
+    is whether the gripper senses an object at the end (None: it has no such sensor, or was not asked)."""
 
     step: Step
     status: SkillStatus
@@ -52,17 +51,17 @@ class SkillResult:
 
 @dataclass(frozen=True, slots=True)
 class Dispatched:
-    """A step is handed to its skill: the `action`-th one of the run (from 1), the `attempt`-th try of it."""
+    """A step is dispatched to its skill: the run's `action`-th one (from 1), the step's `attempt`-th try."""
 
     step: Step
     action: int
     attempt: int
     index: int
-    """Position in the current plan, from 0."""
+    """The step's position in the current plan, from 0."""
 
 
 COMPILE = "compile"
-"""The phase, and the stage, in which skills are made ready, once on a machine."""
+"""The phase, and the timing stage, in which skills are compiled, once on a machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +77,8 @@ class Phase:
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """A motion about to be followed: (N, dof) configurations in rad and the (N, 3) path of the end effector in m,
-    world frame. `planner` and `planning_seconds` (wall) say where it came from. `tree`, where a run asks for it, is all
-    that was searched: the (M, 2, 3) edges of the planner's tree as the end effector would go along them, in m."""
+    world frame. `planner` and `planning_seconds` (wall) say where it came from. `tree`, where a run asks for it, is
+    the search tree: its (M, 2, 3) edges as paths of the end effector, in m."""
 
     configurations: FloatArray
     end_effector: FloatArray
@@ -92,7 +91,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """The arm was brought out of the way for a better look, or was to be: by which skill, how that ended, and how long
+    """The arm was moved, or should have been, out of the cameras' view: by which skill, with which status, and how long
     it took in the world's seconds."""
 
     move: str

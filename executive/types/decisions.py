@@ -1,4 +1,4 @@
-"""What to do next, and how a run ends."""
+"""Decisions, and the outcomes of runs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class DecisionKind(StrEnum):
 
 
 class OutcomeKind(StrEnum):
-    GOAL_REACHED = "goal-reached"  # it is seen to hold
-    PLAN_COMPLETED = "plan-completed"  # by an executive that does not look: it assumes that the goal holds
+    GOAL_REACHED = "goal-reached"  # the goal is seen to hold
+    PLAN_COMPLETED = "plan-completed"  # in a blind run, which assumes that the goal holds
     PARTIAL = "partial"
     NO_PLAN = "no-plan"
     GAVE_UP = "gave-up"
@@ -29,15 +29,15 @@ class OutcomeKind(StrEnum):
 
     @property
     def claims_goal(self) -> bool:
-        """Whether the executive takes the whole goal to hold, whether seen or assumed."""
+        """Whether the executive claims the whole goal, seen or assumed."""
         return self in (OutcomeKind.GOAL_REACHED, OutcomeKind.PLAN_COMPLETED)
 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """One atom that spoke for a decision, as it stood then: what was expected of it (None: nothing), what it was taken
-    for (None: it cannot be told), its probability where there was one, and the last look that was asked about it, with
-    the cameras whose pictures that look took (-1 and none: no look was)."""
+    """An atom that was a reason for a decision, as it was then: its expected value (None: no expectation), its believed
+    value (None: unknown), its probability if there was one, and the last observation in which it was asked about, with
+    the cameras (-1 and none without such an observation)."""
 
     atom: Atom
     expected: bool | None
@@ -49,9 +49,9 @@ class Ground:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What to do next, why, and the atoms that spoke for it. A decision to stop carries the outcome.
+    """What to do next, the reason, and the atoms that it depended on. A decision to stop has the outcome.
 
-    `grounds` say of each atom in `evidence` what it rested on, and `report` is what the skill said, if it was asked.
+    `grounds` has the state of each atom in `evidence`, and `report` is the skill's result, if it was considered.
     """
 
     kind: DecisionKind

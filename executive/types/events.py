@@ -1,4 +1,4 @@
-"""What happens in a run and is worth a line in the trace: all that a sink ever sees."""
+"""The events of a run, which are all that a sink sees."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from executive.types.tasks import NoPlan, Plan, Probed, Task
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The run begins: everything that is needed to repeat it."""
+    """The run begins; has everything that is needed to repeat it."""
 
     run: str
     domain: str
@@ -27,15 +27,15 @@ class Started:
 
     @property
     def is_blind(self) -> bool:
-        """Whether nobody looks: the plan is carried out as if every step went well."""
+        """Whether the run is blind (open loop): the plan is executed as if every step succeeded."""
         return self.estimator == "none"
 
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """Another process goes on with the run. The simulated world is as it was in the cycle `restored`; of the rest it is
-    said how far the run had come by its record: `cycle`, dispatched `actions`, `plans` and `looks`, and the `wall`
-    seconds that the processes before this one took."""
+    """Another process continues the run, in the simulated world of the cycle `restored`. The rest is how far it had
+    come by its record: `cycle`, dispatched `actions`, `plans`, `looks`, and the `wall` seconds of the earlier
+    processes."""
 
     restored: int
     cycle: int
@@ -47,7 +47,7 @@ class Resumed:
 
 @dataclass(frozen=True, slots=True)
 class FaultInjected:
-    """Something was broken on purpose, and what exactly."""
+    """A fault was injected."""
 
     kind: str
     spec: str
@@ -57,7 +57,7 @@ class FaultInjected:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """An expectation was held against what was seen. `what` is `preconditions`, `effects` or `goal`."""
+    """An expectation was compared with what was seen. `what` is `preconditions`, `effects` or `goal`."""
 
     what: str
     expected: Facts
@@ -67,7 +67,7 @@ class Compared:
 
 @dataclass(frozen=True, slots=True)
 class Revised:
-    """The facts that are planned from changed to what was seen."""
+    """The facts that are planned from were updated to what was seen."""
 
     facts: Facts
     changed: Facts
@@ -75,9 +75,8 @@ class Revised:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Wall seconds that the loop spent in one stage, sinks not counted: `observe`, `estimate`, `plan` or `skill`; of
-    the last, `guard` is the part that was spent on looking meanwhile. `compile` is what skills are made ready by, once
-    on a machine."""
+    """The wall seconds of a stage of the loop, without sinks: `observe`, `estimate`, `plan` or `skill`. `guard` is the
+    part of `skill` that the hold guard's looks took; `compile` is the compilation of skills, once on a machine."""
 
     stage: str
     seconds: float
@@ -85,8 +84,8 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The run is over. `goal_seen` is the executive's own claim; nobody but the scorer knows better. `looks` are those
-    that decisions were made on; what the guard took while something was carried comes beside them."""
+    """The run has ended. `goal_seen` is the executive's claim, not ground truth. `looks` counts those that decisions
+    were based on; the hold guard's are not included."""
 
     outcome: OutcomeKind
     reason: str
@@ -129,8 +128,8 @@ Payload: TypeAlias = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Event:
-    """One thing that happened. `cycle` counts turns of the loop, `time` is the world's clock and `wall` the process's
-    monotonic clock since the run began, both in seconds. Events are all that a sink ever sees."""
+    """One event of a run. `cycle` counts turns of the loop, `time` is the world's clock and `wall` the process's
+    monotonic clock since the run began, both in seconds."""
 
     cycle: int
     time: float

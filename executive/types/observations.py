@@ -1,4 +1,4 @@
-"""What is seen, what is asked and answered about it, and what is made of the answers."""
+"""Observations, questions, answers, and the beliefs and judgements that follow from them."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from executive.types.facts import Atom, Facts, FloatArray, Image
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """What the robot's sensors say at one moment.
+    """The robot's sensor readings at one moment.
 
     `images` maps a camera's name to an (H, W, 3) uint8 RGB picture; `joints` are the arm's joint positions in rad;
-    `time` is the world's clock in seconds; `cause` is why the look was taken (for the trace alone). `noisy`: the
-    pictures have a sensor's noise in them, so that two that are the same, bit for bit, are one picture shown twice.
+    `time` is the world's clock in seconds; `cause` is why the look was taken (only for the trace). `noisy` says that
+    the pictures have sensor noise, so that two identical pictures are one frozen picture.
     """
 
     id: int
@@ -37,11 +37,11 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Questions:
-    """What a model is asked of each atom, so completely that an outsider can ask the same again.
+    """The question about each atom, complete enough to ask the same again.
 
-    `text` maps an atom to one line; `system` is the prompt that goes before, `answers` are the two words that the model
-    is to choose from, the one for true first. `translator` is who worded the questions, and `warnings` say where that
-    went wrong and what was asked instead. An atom that is not in `text` is not asked about.
+    `text` maps an atom to one line; `system` is the system prompt, `answers` are the two words that the model chooses
+    from, the one for true first. `translator` names what worded the questions, and `warnings` say where that failed and
+    what was asked instead. Atoms that are not in `text` are not asked about.
     """
 
     text: Mapping[Atom, str]
@@ -62,8 +62,9 @@ class Questions:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What one answer about one atom rests on: the pictures of `cameras`, shown together, and the probability mass that
-    the model's next word put on either answer. What is left of 1 went elsewhere. `error` says why there is no answer.
+    """The evidence of one answer about one atom: the `cameras` whose pictures were shown together, and the probability
+    mass of the model's next token on either answer. The rest of 1 is on other tokens. `error` says why there is no
+    answer.
     """
 
     cameras: tuple[str, ...]
@@ -79,12 +80,12 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """For each atom the probability that it is true, after one look.
+    """The probability of each atom after one look.
 
     Evidence is stored, decisions are derived: `truth` thresholds on demand. An atom that was asked about and not
-    answered is in `unanswered` and has no probability; its truth is None, and None is never True.
-    `source` names who believes this (an estimator, or "assumed" for a blind executive). `evidence` is what the
-    probabilities were made from, where the estimator has such: several answers where each camera was asked on its own.
+    answered is in `unanswered` and has no probability; its truth is None, and None is never True. `source` names the
+    estimator, or is "assumed" in a blind run. `evidence` has the answers that the probabilities were computed from, if
+    the estimator has them: several for an atom if each camera was asked on its own.
     """
 
     observation_id: int
@@ -106,11 +107,11 @@ class Belief:
 
     @classmethod
     def certain(cls, facts: Mapping[Atom, bool], observation_id: int = -1, source: str = "assumed") -> Belief:
-        """The belief that `facts` hold beyond doubt."""
+        """Return the belief that `facts` hold with certainty."""
         return cls(observation_id, {atom: float(value) for atom, value in facts.items()}, source=source)
 
     def truth(self, atom: Atom, low: float = 0.5, high: float = 0.5) -> bool | None:
-        """True at or above `high`, False below `low`, None in between or where no answer is known."""
+        """Return True at or above `high`, False below `low`, and None in between or without an answer."""
         value = self.probability.get(atom)
         if value is None:
             return None
@@ -119,14 +120,14 @@ class Belief:
         return False if value < low else None
 
     def facts(self, low: float = 0.5, high: float = 0.5) -> Facts:
-        """The atoms whose truth is known at these thresholds."""
+        """Return the atoms whose truth is known at these thresholds."""
         known = ((atom, self.truth(atom, low, high)) for atom in self.probability)
         return Facts({atom: value for atom, value in known if value is not None})
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """An expectation held against a belief: three disjoint sets of atoms that cover the expectation."""
+    """The result of comparing an expectation with a belief: three disjoint sets of atoms that cover the expectation."""
 
     holds: frozenset[Atom] = frozenset()
     violated: frozenset[Atom] = frozenset()
@@ -138,23 +139,23 @@ class Verdict:
 
     @property
     def satisfied(self) -> bool:
-        """Nothing violated and nothing unknown."""
+        """Whether nothing is violated and nothing is unknown."""
         return not self.violated and not self.unknown
 
 
 class LookKind(StrEnum):
-    """How far a look went."""
+    """The kind of a look: which atoms it was about, and through which cameras."""
 
     FULL = "full"  # about every atom
     FOCUSED = "focused"  # about what matters, as many atoms as a look may have
-    CLOSER = "closer"  # about what is in doubt, through the cameras that show it best
-    MOVED = "moved"  # the same with the arm brought out of the way
+    CLOSER = "closer"  # about uncertain atoms, through the cameras that show them best
+    MOVED = "moved"  # the same with the arm moved out of the way
     GUARD = "guard"  # about what is carried, while it is carried
 
 
 @dataclass(frozen=True, slots=True)
 class Looked:
-    """What one look took: how many questions, of how many atoms that there are, about pictures of which cameras."""
+    """One look: how many questions were asked, how many atoms there are, and which cameras' pictures were shown."""
 
     observation_id: int
     kind: LookKind
@@ -165,11 +166,11 @@ class Looked:
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """Answers of one look that cannot all be so, and what is made of them.
+    """Answers of one look that violate a mutex group, and how they were resolved.
 
-    `answers` are those of one group's atoms that clash: of a group of which at most one atom can be true, all that the
-    look calls true; of one that cannot all be false (`exact`), and of which the look calls none true, all of them.
-    `resolved` are the same atoms' probabilities once groups and memory have spoken.
+    `answers` are the conflicting ones: in a group of which at most one atom can be true, all that were answered with
+    yes; in a group that cannot be all false (`exact`) without any yes, all of them. `resolved` are the same atoms'
+    posterior probabilities.
     """
 
     answers: Mapping[Atom, float]
@@ -179,9 +180,9 @@ class Contradiction:
 
 @dataclass(frozen=True, slots=True)
 class Overruled:
-    """An answer of the last look that is not what is believed: the look says `answered` (with the probability
-    `answer`), groups, memory or earlier looks of the same moment make it `believed` (None: cannot tell), with
-    `probability`."""
+    """An answer of the newest look that the posterior does not follow: the answer is `answered` (its probability is
+    `answer`), while mutex groups, memory or earlier looks at the same moment make the atom `believed` (None: unknown),
+    with the posterior `probability`."""
 
     atom: Atom
     answered: bool
@@ -192,8 +193,8 @@ class Overruled:
 
 @dataclass(frozen=True, slots=True)
 class Remembered:
-    """An atom that no look since the last action could tell: its last known value, how many cycles ago that was seen,
-    and how probable the atom is by now."""
+    """An atom that no look since the last action decides: its last known value, how many cycles ago that was seen, and
+    the atom's present probability."""
 
     value: bool
     age: int
@@ -202,9 +203,8 @@ class Remembered:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What is made of the looks since the last action, the last one included (see
-    `executive.belief.interface.Judgement`): the probability of every atom, and the truth of those that these looks
-    tell."""
+    """The state estimate after the looks since the last action (see `executive.belief.interface.Judgement`): the
+    probability of every atom, and the truth of those that these looks decide."""
 
     observation_id: int
     probability: Mapping[Atom, float]
@@ -217,8 +217,8 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class Guarded:
-    """While something was carried, a look asked whether it is still held: `held` is the answer (None: no answer).
-    `lost` says whether the skill is told to end, which takes more than one answer."""
+    """A look of the hold guard: whether the carried object is still held (None: no answer). `lost` says whether the
+    skill is cancelled, which takes more than one answer."""
 
     atom: Atom
     held: bool | None
@@ -228,7 +228,7 @@ class Guarded:
 
 @dataclass(frozen=True, slots=True)
 class Blinded:
-    """A camera's picture tells nothing and is left out of the look: it is black, or has frozen."""
+    """A camera whose picture is left out of the look, because it is black or frozen."""
 
     camera: str
     reason: str

@@ -1,4 +1,4 @@
-"""What only pleases the eye: where everything is, for those who watch."""
+"""The poses and shapes of everything in the world, for visualisation only."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from executive.types.facts import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """Where all moving bodies are: name -> (7,) position in m and quaternion (w, x, y, z), world frame.
+    """The poses of all moving bodies: name -> (7,) position in m and quaternion (w, x, y, z), world frame.
 
-    For the people who watch; nothing that decides ever sees one.
+    Only for visualisation; no decision depends on one.
     """
 
     poses: Mapping[str, FloatArray]
@@ -50,7 +50,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scenery:
-    """What the world looks like, for the people who watch: shapes that `Frame` moves, and where the cameras stand."""
+    """The world's shapes, which `Frame` moves, and its cameras, for visualisation."""
 
     geometries: tuple[Geometry, ...] = ()
     cameras: tuple[Camera, ...] = ()

@@ -1,4 +1,4 @@
-"""What is to be reached, and by which steps."""
+"""Planning tasks, steps and plans."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from executive.types.facts import Atom, Facts
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One grounded action: what must hold before it, what it makes true and false."""
+    """A grounded action, with its preconditions and effects."""
 
     action: str
     args: tuple[str, ...]
@@ -22,8 +22,8 @@ class Step:
         return f"{self.action}({','.join(self.args)})"
 
     def about(self, predicates: Mapping[str, tuple[str, tuple[int, ...]]]) -> Atom | None:
-        """An atom about this step's arguments: `predicates` says of an action which predicate, and the positions of its
-        arguments among the step's. None where it says nothing of this action."""
+        """Return an atom about this step's arguments. `predicates` has, by action, a predicate and the positions of its
+        arguments among the step's; without an entry for this action, the result is None."""
         if self.action not in predicates:
             return None
         predicate, positions = predicates[self.action]
@@ -32,8 +32,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A sequence of steps, its cost, who found it and how long that took (wall seconds); `without` are the steps that
-    it was to do without, as text."""
+    """A sequence of steps, its cost, the planner and its wall seconds; `without` are the steps that the planner had to
+    avoid, as text."""
 
     steps: tuple[Step, ...]
     cost: float
@@ -50,8 +50,8 @@ class NoPlanReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class NoPlan:
-    """Why there is no plan. Unsolvable, timed out and crashed call for different answers and are kept apart. `without`
-    are the steps that a plan was to do without, as text."""
+    """The reason why there is no plan. Unsolvable, timed out and crashed lead to different decisions. `without` are the
+    steps that the planner had to avoid, as text."""
 
     reason: NoPlanReason
     detail: str = ""
@@ -62,11 +62,11 @@ class NoPlan:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A planning task without its initial state, which the robot has to see for itself.
+    """A planning task without its initial state, which the robot has to estimate.
 
     `objects` maps each object to its type, `atoms` are all grounded boolean fluents, `goal` is signed. `declared` are
-    the atoms that the problem file's :init names; they set the stage (a simulator places items accordingly), and the
-    robot is not told. `parameters` maps each of their predicates to the names of its parameters; `numeric` are the
+    the atoms that the problem file's :init names; a simulator places items accordingly, and the robot does not get
+    them. `parameters` maps each of their predicates to the names of its parameters; `numeric` are the
     names of the numeric fluents, which have no atoms and are not estimated. `static` is what is true of what no action
     changes, as :init says; it is known, and neither estimated nor part of any state.
     """
@@ -91,8 +91,8 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Probed:
-    """What the planner answered about `goal` where nothing comes of it: it was only asked whether that can be reached,
-    or the budget is used up. A plan, or why there is none."""
+    """The planner's result for `goal` that is not executed: the question was only whether it can be reached, or the
+    budget is used up. A plan, or the reason why there is none."""
 
     goal: Facts
     plan: Plan | None
@@ -100,4 +100,4 @@ class Probed:
 
     def __post_init__(self) -> None:
         if (self.plan is None) is (self.no_plan is None):
-            raise ValueError("a planner answers with a plan or with why there is none")
+            raise ValueError("a planner returns either a plan or the reason why there is none")

@@ -1,8 +1,7 @@
-"""Files from anywhere, read as bytes, text, TOML, JSON or arrays. Whatever is wrong with one is one line with its name.
+"""Reads untrusted files as bytes, text, TOML, JSON or arrays. Every error is one line with the file's name.
 
-What comes out can be handled without care: it is no larger than honest files are, nested no deeper than `DEEPEST`, and
-a whole number in TOML takes 64 bits at most, as its specification has it. (JSON knows no such limit, and files of other
-people's programs make use of that.)
+The results are safe to handle: they are limited in size, nested no deeper than `DEEPEST`, and whole numbers in TOML
+have at most 64 bits, as its specification says. (JSON has no such limit, and files of other programs make use of that.)
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ import numpy.typing as npt
 from executive.errors import InputError
 
 LARGEST, LARGEST_TOML = 10_000_000, 1_000_000
-"""Bytes, unless a reader says otherwise. Reading TOML takes seconds for each million of them."""
+"""The default size limits in bytes. Parsing TOML takes seconds for each million of them."""
 
 LARGEST_ARRAYS = 1_000_000_000
 """Bytes of all arrays in a file, which may be a thousand times smaller."""
@@ -45,11 +44,11 @@ _LONG_KEY = re.compile(rf"""(?<![\w.\-])(?:(?:[\w\-]++|"[^"\n]*+"|'[^'\n]*+')[ \
 
 
 def read_bytes(file: Path, *, largest: int = LARGEST, mistake: type[InputError] = InputError) -> bytes:
-    """A file's content.
+    """Return a file's content.
 
     Args:
-        largest: how many bytes it may have.
-        mistake: what is raised.
+        largest: the size limit in bytes.
+        mistake: the exception type that is raised.
 
     Raises:
         InputError: there is no such file, it cannot be read, or it is larger.
@@ -166,8 +165,8 @@ def parse_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
 
 
 def check_writable(folder: Path, key: str) -> None:
-    """Have it said now, and not when there is something to write, that nothing can be written to a folder, or to where
-    it would have to be made.
+    """Check now, and not only when there is something to write, that files can be written to a folder, or to where it
+    would have to be made.
 
     Args:
         key: the option that names another folder.
@@ -186,7 +185,7 @@ def check_writable(folder: Path, key: str) -> None:
 
 
 def _nearest(folder: Path) -> Path:
-    """The folder itself, or the nearest one above it that is there."""
+    """Return the folder, or its nearest parent that exists."""
     for path in (folder, *folder.parents):
         with contextlib.suppress(FileNotFoundError):
             path.stat()
@@ -195,7 +194,7 @@ def _nearest(folder: Path) -> Path:
 
 
 def home(path: str | Path) -> Path:
-    """The path, `~` being what a shell takes it for; as it is where there is no such home."""
+    """Return the path with `~` expanded as a shell does; unchanged if there is no such home."""
     try:
         return Path(os.path.expanduser(path))
     except ValueError:  # a zero byte in the user's name
@@ -203,19 +202,19 @@ def home(path: str | Path) -> Path:
 
 
 def legible(text: str) -> str:
-    """The text, with question marks for what is none: names of files may be any bytes, and records are UTF-8."""
+    """Return the text with question marks for lone surrogates: file names may be any bytes, records are UTF-8."""
     return text if text.isascii() else text.encode(errors="replace").decode()
 
 
 def reason(error: Exception) -> str:
-    """What the system, or else Python, says of an error."""
+    """Return the operating system's message of an error, or else Python's."""
     return str(getattr(error, "strerror", None) or error or type(error).__name__)
 
 
 def caseless(
     table: Mapping[str, Any], file: Path, key: str, *, mistake: type[InputError] = InputError
 ) -> dict[str, Any]:
-    """A table whose keys are names of PDDL, which knows no case: all of them in small letters, as our reader has them.
+    """Return a table with its keys, which are case-insensitive PDDL names, in lower case, as our reader has them.
 
     Args:
         key: the table's own; none for the whole file.
@@ -226,7 +225,7 @@ def caseless(
     names: dict[str, Any] = {}
     for name, value in table.items():
         if name.lower() in names:
-            raise mistake("is there twice: names of PDDL know no case", file=file, key=f"{key}.{name}".lstrip("."))
+            raise mistake("is there twice: PDDL names are case-insensitive", file=file, key=f"{key}.{name}".lstrip("."))
         names[name.lower()] = value
     return names
 
@@ -253,7 +252,7 @@ def _whole_numbers(value: Any, key: str = "") -> Iterator[tuple[str, int]]:
 
 
 def _long_number(text: str) -> str:
-    """What Python has against a number of thousands of digits: the time that it would take."""
+    """Return a description of a number with more digits than Python parses, or ""."""
     most = sys.get_int_max_str_digits()
     found = re.search(rf"\d[\d_]{{{most},}}+", text)
     return "" if found is None else f"a number of more than {most:,} digits (at line {_line(text, found.start())})"

@@ -1,4 +1,4 @@
-"""What has to be seen to before libraries of machine code meet in one process."""
+"""Works around incompatible native libraries in one process."""
 
 from __future__ import annotations
 

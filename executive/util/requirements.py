@@ -1,7 +1,7 @@
-"""What a run needs of the machine it runs on, asked for before anything heavy is imported.
+"""Checks what a run needs on this machine, before anything heavy is imported.
 
-A missing library then ends as one line with the command that installs it, not as a traceback out of the middle of
-somebody else's package. Everything here is cheap: nothing is imported, libraries are only opened.
+A missing library is then reported in one line with the command that installs it, instead of a traceback from inside
+another package. The checks are cheap: nothing is imported, libraries are only opened.
 """
 
 from __future__ import annotations
@@ -63,17 +63,17 @@ _STEERING = (
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """One thing that the machine lacks, and the command that mends it."""
+    """Something that the machine lacks, and the command that installs it."""
 
     what: str
     command: str
 
 
 def require() -> None:
-    """Raise when something is missing that every run needs.
+    """Raise an error if anything is missing that every run needs.
 
     Raises:
-        InputError: an environment variable has what draws be what it cannot be.
+        InputError: an environment variable selects a renderer that cannot work.
         MissingError: names everything that is missing, with one command for all of it.
     """
     settle_renderer()
@@ -84,8 +84,8 @@ def require() -> None:
 
 
 def give_back_memory() -> None:
-    """Have the C library hand what was freed back to the system (glibc; nothing elsewhere). It keeps what its threads
-    have freed for them, and a recording for the viewer is made by many: a hundred megabytes stay with each run."""
+    """Return freed memory to the system (glibc; no effect elsewhere). Its allocator keeps what threads have freed, and
+    many threads write the viewer's recording: a hundred megabytes would stay with each run."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
     if trim is not None:
         trim(0)

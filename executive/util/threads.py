@@ -1,9 +1,9 @@
-"""How many threads a process computes with, and that they soon sleep while they wait: decided here, for every way in.
+"""Sets how many threads a process computes with, and that they sleep soon while they wait.
 
-Importing `executive` decides it, and so does importing anything of it, in whatever process: the command line, a
-notebook, those that are spawned. torch, OpenMP, BLAS, numba and Mesa's software renderer read what is decided from the
-environment as they are loaded. What is set there already is the user's and stays; MKL and OpenBLAS go by
-`OMP_NUM_THREADS` where they have no variable of their own.
+Importing `executive` or anything in it sets this, in every process: the command line, a notebook, spawned workers.
+torch, OpenMP, BLAS, numba and Mesa's software renderer read what is decided from the environment as they are loaded.
+What is set there already is the user's and stays; MKL and OpenBLAS go by `OMP_NUM_THREADS` where they have no variable
+of their own.
 
 OpenMP's threads spin while they wait for each other. On a busy machine they wait for one that has no core, and take the
 cores away from the one they wait for: a look takes ten times as long and more. Threads that sleep at once are a quarter
@@ -32,12 +32,12 @@ _WAITING = {WAITING: "PASSIVE", SPINNING: "1000"}
 microseconds."""
 
 _ALL_WAITING = (*_WAITING, "KMP_BLOCKTIME")
-"""The ways in which a user may have said how threads wait."""
+"""The variables by which a user may have set how threads wait."""
 
 _PROC, _CPUS = Path("/proc/self"), Path("/sys/devices/system/cpu")
 
 _decided: dict[str, str] = {}
-"""What was put into the environment here."""
+"""The variables that this module has set."""
 
 
 def cores() -> int:
@@ -95,8 +95,8 @@ def shared_by(workers: int, alone: bool = False) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _settle() -> None:
-    """Decide, as far as the user has not."""
+def _set_environment() -> None:
+    """Set the variables that the user has not set."""
     for name, value in _wanted(1).items():
         loaded = name == COMPILED and "numba" in sys.modules  # which takes another number ill once it has begun
         if name not in os.environ and not loaded:
@@ -145,7 +145,7 @@ def _limits(mount: Path, path: str) -> Iterator[float]:
 
 
 def lower(most: int) -> None:
-    """Have libraries that are loaded already use no more than so many threads."""
+    """Limit libraries that are already loaded to so many threads."""
     from threadpoolctl import ThreadpoolController
 
     for library in ThreadpoolController().lib_controllers:
@@ -156,4 +156,4 @@ def lower(most: int) -> None:
         torch.set_num_threads(most)  # for other threads than this one, too
 
 
-_settle()
+_set_environment()

@@ -1,4 +1,4 @@
-"""Work that is ended when its time is up, wherever it is at that moment, with the processes that it has started.
+"""Runs work with a time limit, and ends it and the processes that it has started when the time is up.
 
 The main thread is interrupted by a signal, which also ends a system call that waits. Other threads cannot be: work in
 them is left to end by itself.
@@ -16,18 +16,18 @@ from types import FrameType
 from typing import TypeVar
 
 _AGAIN = 0.5
-"""Wall seconds after which work that goes on nevertheless is interrupted once more."""
+"""Wall seconds after which work that continues nevertheless is interrupted again."""
 
 _SIGNAL = signal.SIGUSR2
 _T = TypeVar("_T")
 
 
 class LateError(Exception):
-    """Something took too long, and was ended."""
+    """Work exceeded its time limit and was ended."""
 
 
 def within(seconds: float, work: Callable[[], _T]) -> _T:
-    """What `work` returns.
+    """Call `work` and return its result.
 
     Raises:
         LateError: it took longer than so many wall seconds. What it was doing was ended, and so was every process that
@@ -52,7 +52,7 @@ def within(seconds: float, work: Callable[[], _T]) -> _T:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """What happens inside is short, has to be whole, and is not interrupted, late or not."""
+    """Keep the block from being interrupted: it is short and must not be left half done."""
     global _busy
     _busy += 1
     try:
@@ -70,7 +70,7 @@ class _Interrupt(BaseException):
 
 
 class _Alarm:
-    """Interrupts the main thread when the time is up, and again until it is heard."""
+    """Interrupts the main thread when the time is up, and again until the work ends."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds, self._over, self.rings = seconds, threading.Event(), False
