@@ -49,13 +49,13 @@ class Planner(Protocol):
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Says how likely each atom is, given one look. It sees the observation and nothing else of the run."""
+    """Judges how probable each atom is, given one observation. It receives nothing else of the run."""
 
     @property
     def name(self) -> str: ...
 
     def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
-        """A belief over exactly `atoms`; what it cannot tell is `unanswered`."""
+        """Return a belief over exactly `atoms`; those that it cannot judge are `unanswered`."""
         ...
 
 
@@ -149,13 +149,13 @@ class SkillContext:
 
 @runtime_checkable
 class Skill(Protocol):
-    """Carries out one kind of step. Reports what it did, never what it was told to do."""
+    """Carries out one kind of step, and reports what it did, not what it was asked to do."""
 
     def __call__(self, step: Step, context: SkillContext) -> SkillResult: ...
 
 
 Tell = Callable[[str], None]
-"""Is told, in a few words, what is waited for."""
+"""Receives, in a few words, what is waited for."""
 
 
 @runtime_checkable
@@ -163,13 +163,13 @@ class Preparing(Protocol):
     """A skill that has to be made ready once on a machine, which may take a minute: before a run's first look."""
 
     def prepare(self, tell: Tell) -> None:
-        """Make it ready; at once where it is. What it takes time for is told as soon as that is known."""
+        """Make it ready, and return at once where it is. `tell` receives what takes time, as soon as that is known."""
         ...
 
 
 @runtime_checkable
 class Sink(Protocol):
-    """Watches a run. It feeds nothing back; an exception in a sink never changes what the robot does."""
+    """Receives every event of a run, and feeds nothing back: an exception in a sink never changes what the robot does."""
 
     def write(self, event: Event) -> None: ...
 
@@ -178,13 +178,13 @@ class Sink(Protocol):
 
 @runtime_checkable
 class Recalling(Protocol):
-    """A sink that wants to know what an earlier process of the run told, before the run goes on in this one."""
+    """A sink that needs the events of a run's earlier processes before the run is resumed in this one."""
 
     def recall(self, event: Event) -> None: ...
 
 
 class FaultSource(Protocol):
-    """Breaks things on purpose, at the moments that the loop tells it of. `action` counts dispatched actions from 1."""
+    """Breaks things on purpose, at the moments that the loop announces. `action` counts dispatched actions from 1."""
 
     def begin(self, report: Callable[[FaultInjected], None], action: int = 0) -> None:
         """The run begins, or goes on after `action` dispatched ones. What is broken goes to `report` at the moment it

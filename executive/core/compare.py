@@ -1,4 +1,4 @@
-"""What is expected of the world, and what becomes of it when it is looked at. Pure.
+"""Expectations of the world, and their comparison with what is seen. Pure.
 
 A look enters here as the facts that its belief's thresholds derive (`Belief.facts`): what they do not mention is
 unknown. A plan is judged by regression, as PLANEX did with its triangle tables (Fikes, Hart and Nilsson 1972): it
@@ -14,7 +14,7 @@ from executive.types import Atom, Facts, Step, Verdict
 
 
 def compare(expected: Facts, seen: Facts) -> Verdict:
-    """Hold an expectation against what was seen: each of its atoms holds, is violated, or is unknown."""
+    """Compare an expectation with what was seen: each of its atoms holds, is violated, or is unknown."""
     told = {atom: seen[atom] is value for atom, value in expected.items() if atom in seen}
     holds = frozenset(atom for atom, is_so in told.items() if is_so)
     return Verdict(holds, frozenset(told.keys() - holds), frozenset(expected.keys() - told.keys()))

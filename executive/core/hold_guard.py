@@ -1,4 +1,4 @@
-"""Watching what is carried while it is carried: one question, a few times a transfer, and a word to the skill."""
+"""The hold guard: asks about the carried item a few times in a transfer, and warns the skill once it seems lost."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from executive.protocols import World
 from executive.types import Atom, Belief, Guarded, Payload, Phase
 
 _CONFIRM = 0.2
-"""World seconds between an answer that what is carried is gone and the look that is to confirm it."""
+"""World seconds between an answer that the item is gone and the look that has to confirm it."""
 
 CARRYING = "transfer"
 """The phase in which a skill carries something through the air."""
@@ -21,14 +21,14 @@ log = logging.getLogger(__name__)
 class HoldGuard:
     """Watches one skill at work.
 
-    A single answer against what is carried ends nothing: an eye is wrong more often than a grip fails. It is asked once
-    more a moment later, and the skill is told when that look agrees. What the hand feels is the skill's own affair.
+    A single answer that the item is gone ends nothing: an estimator is wrong more often than a grip fails. It is asked
+    once more a moment later, and the skill is warned if that answer agrees. What the hand feels is left to the skill.
 
     Args:
         atom: what is true as long as the item is held.
         looks: how many looks to take in a transfer.
         glance: asks about one atom, now.
-        emit: tells what came of it.
+        emit: reports each answer.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class HoldGuard:
         self._phase, self._doubted, self._lost, self._over = 0, False, False, False
 
     def on_phase(self, phase: Phase) -> None:
-        """A phase begins, and with it what was planned for the one before is off."""
+        """A phase begins; looks that were scheduled for the one before are not taken."""
         self._phase += 1
         self._doubted = False
         if phase.name == CARRYING:
@@ -46,7 +46,7 @@ class HoldGuard:
                 self._schedule(phase.seconds * number / (self._looks + 1))
 
     def lost(self) -> str:
-        """Why what is carried is taken to be lost; nothing while it is not."""
+        """Why the carried item is taken to be lost; empty while it is not."""
         return f"{self._atom} is seen no longer" if self._lost else ""
 
     def close(self) -> None:
@@ -64,7 +64,7 @@ class HoldGuard:
             belief = self._glance(self._atom)
         except ExecutiveError:  # the set-up is to blame
             raise
-        except Exception:  # an eye that fails here will fail again after the skill, where the loop can answer for it
+        except Exception:  # if it fails again after the skill, the loop can answer for it
             log.warning("the look at %s while it is carried failed", self._atom, exc_info=True)
             return
         held = belief.truth(self._atom)

@@ -16,7 +16,7 @@ from executive.belief.interface import Judgement
 from executive.core import policy
 from executive.core.compare import compare
 from executive.core.observer import Look, Observer
-from executive.core.policy import Settings, Try
+from executive.core.policy import OptimisticPlan, Settings
 from executive.core.run_state import Leeway, RunState
 from executive.core.session import Session
 from executive.errors import InputError
@@ -161,9 +161,9 @@ class Executive:
             if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
                 self._in_time()
                 self._weigh(self.observer.look_again(self.run_state, "there is no plan", decision.evidence))
-            elif decision.kind is DecisionKind.GIVE_UP_GOAL and (hunch := self._hunch()) is not None:
-                self._decide(policy.on_a_hunch(decision, hunch))
-                return self._attempt(hunch)
+            elif decision.kind is DecisionKind.GIVE_UP_GOAL and (found := self._optimistic_plan()) is not None:
+                self._decide(policy.optimistic(decision, found))
+                return self._take_up_optimistic(found)
             elif decision.kind is DecisionKind.GIVE_UP_GOAL:
                 return self._give_up(decision, is_stuck=bool(plan.without))
             elif decision.kind is not DecisionKind.REPLAN:
@@ -171,7 +171,7 @@ class Executive:
         return self._take_up(plan, self.run_state.goal)
 
     def _turn(self) -> Decision:
-        """3 and 4. One step: can it begin, what came of it, and what now?"""
+        """3 and 4. One step: are its preconditions met, what is its outcome, and what follows?"""
         if stop := policy.exhausted(self.settings, **self.run_state.spent):
             return self._decide(stop)
         self._in_time()
@@ -189,7 +189,7 @@ class Executive:
         return self._assume(result) if self.is_blind else self._judge(result)
 
     def _check(self, step: Step) -> Decision | None:
-        """The step's preconditions against what is known, with a few looks' patience; None when it can begin."""
+        """Check the step's preconditions, with a few more looks while they are unmet; None when it can begin."""
         waits = 0
         while True:
             known = self.run_state.known
@@ -207,7 +207,7 @@ class Executive:
             waits += 1
 
     def _judge(self, result: SkillResult) -> Decision:
-        """What was expected of the step against what is seen of it."""
+        """Compare the step's expected effects with what is seen, and decide."""
         cause = f"after {result.step}"
         self._in_time()
         self.observer.begin_moment()
@@ -228,7 +228,7 @@ class Executive:
         return decision
 
     def _assume(self, result: SkillResult) -> Decision:
-        """The blind baseline: nobody looks, so what was expected of the step is believed."""
+        """The blind baseline: the step's expected effects are believed."""
         self.run_state = self.run_state.assumed()
         self._emit(Belief.certain(self.run_state.known))
         return self._decide(policy.assumed(result))
@@ -251,7 +251,7 @@ class Executive:
                 policy.finish(run_state.goal, verdict, unsure, checks, dropped, self.settings, redo)
             )
             if decision.kind is DecisionKind.REPLAN and redo is not None:
-                return self._attempt(redo)
+                return self._take_up_optimistic(redo)
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision if plan is None else self._take_up(plan, whole)
             self._in_time()
@@ -259,8 +259,8 @@ class Executive:
             checks += 1
 
     def _given_another_chance(self) -> tuple[Plan | None, Facts]:
-        """A plan for what was given up, too, or for the first part of it that does not hang on a step that is stuck,
-        and what it reaches."""
+        """A plan for what was given up, too, or for the first part of it that does not depend on a stuck step, and the
+        goal that it reaches."""
         goal, wanted = self.run_state.goal, self.run_state.task.goal
         if not self.run_state.given_up:
             return None, goal
@@ -272,8 +272,9 @@ class Executive:
             answer = self._probe(wanted, Leeway.LAST)
         return (None, goal) if isinstance(answer, NoPlan) else (answer, wanted)
 
-    def _redo(self, verdict: Verdict) -> Try | None:
-        """How to make sure of a literal of the goal that looks speak for, and never enough; each is tried once."""
+    def _redo(self, verdict: Verdict) -> OptimisticPlan | None:
+        """A plan that brings about once more a literal of the goal that looks support, but too weakly to claim it; each is
+        tried once."""
         run_state, judgement = self.run_state, self.run_state.judgement
         answered = judgement.belief.probability if judgement else {}
         doubted = [atom for atom in sorted(verdict.unknown & answered.keys()) if atom not in run_state.tried]
@@ -281,30 +282,30 @@ class Executive:
             return None
         return self._plan_as_if(doubted[0], self.monitor.state_without(run_state.memory, doubted[0]))
 
-    def _hunch(self) -> Try | None:
-        """How to reach the goal, as it cannot be reached from what is believed, from what may be so."""
+    def _optimistic_plan(self) -> OptimisticPlan | None:
+        """A plan for a goal that cannot be reached from the believed state, from a less probable one."""
         if self.is_blind:
             return None
-        for atom in self.run_state.hunches[: self.settings.max_goal_plans]:
+        for atom in self.run_state.possible[: self.settings.max_goal_plans]:
             self._in_time()
             if (found := self._plan_as_if(atom, self.monitor.state_with(self.run_state.memory, atom))) is not None:
                 return found
         return None
 
-    def _plan_as_if(self, atom: Atom, state: Facts | None) -> Try | None:
+    def _plan_as_if(self, atom: Atom, state: Facts | None) -> OptimisticPlan | None:
         goal = self.run_state.goal
         if state is None or state.entails(goal):
             return None
         plan = self._ask(goal, state)
         self._emit(_probed(goal, plan))
-        return None if isinstance(plan, NoPlan) else Try(atom, state, plan)
+        return None if isinstance(plan, NoPlan) else OptimisticPlan(atom, state, plan)
 
-    def _attempt(self, found: Try) -> Decision:
-        self.run_state = self.run_state.supposing(found.state, found.doubted)
+    def _take_up_optimistic(self, found: OptimisticPlan) -> Decision:
+        self.run_state = self.run_state.assuming(found.state, found.doubted)
         return self._take_up(found.plan, self.run_state.goal)
 
     def _go_around(self, cause: Decision) -> Decision:
-        """Do without a step that fails again and again, where there is a plan for the goal without it."""
+        """Leave out a step that fails again and again, where there is a plan for the goal without it."""
         plan, goal = self._probe(self.run_state.goal), self.run_state.goal
         if isinstance(plan, NoPlan):
             return self._give_up(cause, is_stuck=True)
@@ -312,7 +313,7 @@ class Executive:
         return self._take_up(plan, goal)
 
     def _give_up(self, cause: Decision, is_stuck: bool) -> Decision:
-        """Leave out of the goal what cannot be reached, and go for the rest."""
+        """Drop from the goal what cannot be reached, and plan for the rest."""
         kept, plan, hangs = self._largest(Leeway.NONE)
         if hangs and not kept:
             kept, plan, hangs = self._largest(Leeway.CHANGED)
@@ -322,7 +323,7 @@ class Executive:
         return decision if plan is None else self._take_up(plan, kept)
 
     def _largest(self, leeway: Leeway) -> tuple[Facts, Plan | None, bool]:
-        """What of the goal can be reached, and how; and whether more could be with a step that is stuck."""
+        """The largest part of the goal that can be reached, a plan for it, and whether a stuck step limits it."""
         without: set[str] = set()
 
         def plan_for(part: Facts) -> Plan | None:
@@ -351,7 +352,7 @@ class Executive:
         return answer
 
     def _ask(self, goal: Facts, state: Facts) -> Plan | NoPlan:
-        """A plan that hangs on no step which was given up on, or at least not in the same circumstances."""
+        """A plan without the steps that were given up on, or at least not in the same circumstances."""
         answer = self._plan(goal, state, Leeway.NONE)
         if isinstance(answer, NoPlan) and answer.without:
             self._emit(_probed(goal, answer))
@@ -359,7 +360,7 @@ class Executive:
         return answer
 
     def _plan(self, goal: Facts, state: Facts, leeway: Leeway) -> Plan | NoPlan:
-        """Where the planner's plan hangs on a step that is stuck, it is asked for one without that step, and so on."""
+        """Where the plan depends on a step that is stuck, the planner is asked for one without it, and so on."""
         avoid: frozenset[Step] = frozenset()
         while True:
             self._in_time()
@@ -376,13 +377,13 @@ class Executive:
             avoid |= stuck
 
     def _weigh(self, look: Look) -> None:
-        """What one more look makes of the belief."""
+        """Have the monitor weigh one more look into the belief."""
         memory, judgement = self.monitor.looked(self.run_state.memory, look.answers, self.run_state.cycle)
         self._emit(_judged(judgement))
         self.run_state = self.run_state.looked(memory, judgement, look.answers, look.looked)
 
     def _in_time(self) -> None:
-        """To be asked before anything that is waited for.
+        """Check the budget of time, before anything that takes time.
 
         Raises:
             _TimeIsUpError: the budget of time is used up.
@@ -396,7 +397,7 @@ class Executive:
         return compared.verdict
 
     def _decide(self, decision: Decision) -> Decision:
-        """Emit it with what it rests on, unless it is still open which goals it costs."""
+        """Emit the decision with its grounds, unless it is still open which goals it gives up."""
         if decision.kind is not DecisionKind.GIVE_UP_GOAL:
             self._emit(self.run_state.grounded(decision))
         return decision

@@ -27,7 +27,7 @@ from executive.types import (
 )
 
 _CHANCE = frozenset({SkillStatus.DONE, SkillStatus.GRASP_MISSED, SkillStatus.DROPPED})
-"""Ways to end after which the same step may well succeed; the others will most likely end the same way again."""
+"""Statuses after which the same step may well succeed; after the others it will most likely fail the same way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Settings:
     max_replans: int = 50
     max_looks: int = 500
     max_seconds: float = 86_400.0
-    """On the clock on the wall, all processes of the run together."""
+    """Wall seconds, all processes of the run together."""
     max_retries: int = 2
     max_failures: int = 10
     """How often one step may fail while the known facts that bear on it stay the same, before that counts as going in
@@ -53,9 +53,9 @@ class Settings:
     max_looks_again: int = 3
     """Enough to look closer, and then twice with the arm further out of the way."""
     max_questions: int = 32
-    """How much one look may ask about. Where that is all there is, it is asked; else it is what matters."""
+    """How many atoms one look may ask about: all of them, where there are no more, else those that matter now."""
     guard_looks: int = 2
-    """How often it is looked after what is carried, in each transfer; more often only to confirm that it is gone."""
+    """How many looks the hold guard takes in each transfer; it takes another one only to confirm that the item is gone."""
     precondition_wait: int = 2
     sure: float = 0.999
     """A literal of the goal that is less probable than this is looked at once more before the goal is claimed, and as
@@ -139,9 +139,14 @@ class Dropped(NamedTuple):
     plan: Plan | None = None
 
 
-class Try(NamedTuple):
-    """An atom that cannot be told, the state to plan from if it is not what it is believed to be, and the plan that
-    reaches the goal from there."""
+class OptimisticPlan(NamedTuple):
+    """A plan from a state that is less probable than the believed one.
+
+    Attributes:
+        doubted: the atom in which that state differs.
+        state: the most probable state in which it does.
+        plan: reaches the goal from there.
+    """
 
     doubted: Atom
     state: Facts
@@ -247,10 +252,10 @@ def unplanned(no_plan: NoPlan, times: int, doubts: Doubts, settings: Settings) -
     return Decision(DecisionKind.GIVE_UP_GOAL, reason)
 
 
-def on_a_hunch(cause: Decision, hunch: Try) -> Decision:
-    """`cause` calls for giving up goals, and there is a plan for all of them if something is so that may well be."""
-    reason = f"{cause.reason}; before any of it is given up, it is tried as if {hunch.doubted} were so"
-    return Decision(DecisionKind.REPLAN, reason, (hunch.doubted,))
+def optimistic(cause: Decision, found: OptimisticPlan) -> Decision:
+    """`cause` calls for giving up goals, and there is a plan for all of them from a state that is possible."""
+    reason = f"{cause.reason}; before any of it is given up, it is tried as if {found.doubted} were so"
+    return Decision(DecisionKind.REPLAN, reason, (found.doubted,))
 
 
 def goes_around(cause: Decision) -> Decision:
@@ -280,7 +285,7 @@ def finish(
     checks: int,
     dropped: Dropped,
     settings: Settings,
-    redo: Try | None = None,
+    redo: OptimisticPlan | None = None,
 ) -> Decision:
     """Nothing is left to do: `verdict` holds the goal against what is seen now, for only seeing it is success, and is
     the `checks`-th one in a row. `unsure` are its atoms, and where some of it was given up all atoms, that cannot be

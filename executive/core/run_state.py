@@ -1,4 +1,4 @@
-"""How a run stands: one frozen value, and what each thing that can happen makes of it. Pure.
+"""The run state: one frozen value, with a transition for each thing that can happen. Pure.
 
 The loop holds the latest of these and nothing else that changes.
 """
@@ -32,8 +32,8 @@ from executive.types import (
     Task,
 )
 
-HUNCH = 0.02
-"""What is less probable than this is nothing to act upon."""
+MIN_PROBABILITY = 0.02
+"""An atom that is less probable than this is not planned with."""
 
 
 class Leeway(Enum):
@@ -255,19 +255,19 @@ class RunState:
         return replace(self, goal=self.task.goal) if self.seen.entails(self.task.goal) else self
 
     @property
-    def hunches(self) -> tuple[Atom, ...]:
-        """The atoms that are not believed and may be true all the same, the most probable first."""
+    def possible(self) -> tuple[Atom, ...]:
+        """The atoms that are believed to be false and may be true, the most probable first."""
         if self.judgement is None:
             return ()
         chance = {atom: self.judgement.probability.get(atom, 0.0) for atom in self.task.atoms}
-        may_be = [atom for atom, value in chance.items() if value >= HUNCH and not self.state[atom]]
-        # Twice: what the robot was at when it had the hunch may come first, and how that goes may undo the plan.
+        may_be = [atom for atom, value in chance.items() if value >= MIN_PROBABILITY and not self.state[atom]]
+        # Twice: the action at work at the first time may come to something that undoes the plan.
         open_ = (atom for atom in may_be if self.tried.count(atom) < 2)
         return tuple(sorted(open_, key=lambda atom: (-chance[atom], atom)))
 
-    def supposing(self, state: Facts, doubted: Atom) -> RunState:
-        """From here on it is done as if `state` held, though another one is more probable: what was in doubt is sure
-        once that has been carried out."""
+    def assuming(self, state: Facts, doubted: Atom) -> RunState:
+        """Plan from `state` from here on, though another one is more probable: carrying the plan out removes the
+        doubt."""
         if self.judgement is None:
             raise ValueError("nobody has looked yet")
         judgement = replace(self.judgement, state=state)

@@ -1,9 +1,8 @@
 """A run's decisions once more, from its record: no model looks, no simulator moves, no planner searches.
 
-The loop itself is run again. What it was told then, it is told again in the same order: looks, answers of the planner,
-what became of each action. With the settings of then, it decides what it decided then. With others it may want
-something that the record does not hold: a look where there was none, another action, a plan from another state. There
-the two part, and nobody can know how it would have gone on.
+The same loop runs with recorded parts: the run's looks, planner's answers and actions' outcomes, in the same order. With
+the run's settings and monitor it takes the same decisions. With others it may ask for something that the record lacks:
+a look where there was none, another action, a plan from another state. There the replay parts from the record and ends.
 
 What the record can tell is used. Looks at the same moment (between two actions) are there to be taken, and need not all
 be. A plan that was found from a state that is now believed to be another one is taken if it would work from there too.
@@ -27,7 +26,7 @@ from executive.core.run_state import RunState
 from executive.core.session import Session
 from executive.errors import ExecutiveError
 from executive.protocols import SkillContext
-from executive.replay.record import Decided, Deed, Part, Record
+from executive.replay.record import Action, Decided, Part, Record
 from executive.types import (
     Atom,
     Decision,
@@ -73,7 +72,7 @@ def replay(record: Record, monitor: Monitor, before: Replay | None = None) -> Re
         session=Session([seen], _World(), clock=_Clock(record, reel, seen)),
         observer=None if started.is_blind else _Observer(started.estimator, reel),
         settings=record.settings,
-        initial=record.told,
+        initial=record.initial,
         run_state=None if record.since is None else _resumed(record, record.since, monitor),
     )
     try:
@@ -123,9 +122,9 @@ class _Reel:
         """Whether all of it was taken."""
         return self._at == len(self._parts)
 
-    def deed(self, step: Step) -> SkillResult:
+    def action(self, step: Step) -> SkillResult:
         for number, part in enumerate(self._parts[self._at :], start=self._at):
-            if isinstance(part, Deed):
+            if isinstance(part, Action):
                 if part.order.step != step:
                     self._end(f"its next action is {step}")
                 if part.result is None:
@@ -137,7 +136,7 @@ class _Reel:
     def _here(self) -> Iterator[tuple[int, Part]]:
         """The parts that are left of this moment, which ends with the next action."""
         for number, part in enumerate(self._parts[self._at :], start=self._at):
-            if isinstance(part, Deed):
+            if isinstance(part, Action):
                 return
             yield number, part
 
@@ -161,7 +160,7 @@ class _Reel:
             self._end(f"it plans from another state ({_listed(other)})")
 
     def _end(self, wanted: str) -> NoReturn:
-        following = next((part for part in self._parts[self._at :] if isinstance(part, Deed)), None)
+        following = next((part for part in self._parts[self._at :] if isinstance(part, Action)), None)
         if following is None and self._record.cut:
             raise _RecordEndsError(self._record.cut, parted=False)
         if following is None:
@@ -227,7 +226,7 @@ class _Skills(dict[str, Any]):
         return self._carried_out
 
     def _carried_out(self, step: Step, context: SkillContext) -> SkillResult:
-        return self._reel.deed(step)
+        return self._reel.action(step)
 
 
 class _Decisions:
@@ -263,7 +262,7 @@ def _resumed(record: Record, since: Resumed, monitor: Monitor) -> RunState:
     """How the run stood when another process went on with it."""
     task, blind = record.started.task, record.started.is_blind
     memory = None if blind else remembered(record.before, monitor)
-    return RunState(task, task.goal, record.told if blind else Facts(), memory).resumed(since)
+    return RunState(task, task.goal, record.initial if blind else Facts(), memory).resumed(since)
 
 
 def _listed(literals: Sequence[str], most: int = 3) -> str:

@@ -1,4 +1,4 @@
-"""What a run was told and what it decided, sorted out of its events."""
+"""The inputs and decisions of a run, sorted out of its events."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from executive.types import (
 )
 
 
-class Deed(NamedTuple):
-    """An action, and what its skill said; None where the record ends before."""
+class Action(NamedTuple):
+    """A dispatched step, and its skill's report; None where the record ends before."""
 
     order: Dispatched
     result: SkillResult | None
@@ -45,21 +45,21 @@ class Decided(NamedTuple):
     decision: Decision
 
 
-Part: TypeAlias = Look | Deed | Plan | NoPlan | Probed
-"""One thing that the loop was told: a look, what became of an action, an answer of the planner."""
+Part: TypeAlias = Look | Action | Plan | NoPlan | Probed
+"""One input of the loop: a look, an action's outcome, or an answer of the planner."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What a run was told and what it decided, in order, as long as one process had it. `told` is what a blind
-    executive was told at the start. Where another process went on with the run, `since` says how far that had come, and
-    `before` is what had happened until then."""
+    """The inputs and decisions of a run, in order, as long as one process carried it out. `initial` is what a blind
+    executive was given at the start. Where the run was resumed, `since` says how far it had come, and `before` has the
+    events until then."""
 
     started: Started
     settings: Settings
     parts: tuple[Part, ...]
     decisions: tuple[Decided, ...]
-    told: Facts
+    initial: Facts
     ended: Ended | None
     since: Resumed | None = None
     before: tuple[Event, ...] = ()
@@ -88,7 +88,7 @@ class Record:
         parts: list[Part] = []
         decisions: list[Decided] = []
         last: Belief | None = None
-        told: Facts | None = None
+        initial: Facts | None = None
         answered = False  # whether what comes now is the planner's answer, and not one of before that is taken up
         for event in events:
             match event.payload:
@@ -98,15 +98,15 @@ class Record:
                     since = resumed
                 case Belief() as belief:
                     last = belief
-                    told = told or belief.facts()
+                    initial = initial or belief.facts()
                 case Looked(kind=kind) as looked if kind is not LookKind.GUARD and last is not None:
                     parts.append(Look(last, looked))
                 case Plan() | NoPlan() | Probed() as answer if answered:
                     parts.append(answer)
                 case Dispatched() as order:
-                    parts.append(Deed(order, None))
-                case SkillResult() as result if parts and isinstance(deed := parts[-1], Deed):
-                    parts[-1] = deed._replace(result=result)
+                    parts.append(Action(order, None))
+                case SkillResult() as result if parts and isinstance(action := parts[-1], Action):
+                    parts[-1] = action._replace(result=result)
                 case Decision() as decision:
                     decisions.append(Decided(event.cycle, decision))
                 case Ended() as end:
@@ -115,7 +115,7 @@ class Record:
         if started is None:
             raise InputError("these events are no run: none of them starts it")
         settings = _settings(started)
-        return cls(started, settings, tuple(parts), tuple(decisions), told or Facts(), ended, since)
+        return cls(started, settings, tuple(parts), tuple(decisions), initial or Facts(), ended, since)
 
     @property
     def cut(self) -> str:

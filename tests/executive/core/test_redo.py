@@ -79,8 +79,8 @@ def test_before_a_goal_is_given_up_it_is_tried_where_the_thing_may_be() -> None:
     made.estimator.lean, made.estimator.there = 0.02, 0.2
     ended = made.play()
     assert (ended.outcome, ended.goal_seen, made.goal_true) == (OutcomeKind.GOAL_REACHED, True, True)
-    hunches = [each for each in made.recorder.of(Decision) if "it is tried as if" in each.reason]
-    assert {(each.kind, each.evidence) for each in hunches} == {(DecisionKind.REPLAN, (at("a", "r"),))}
+    optimistic = [each for each in made.recorder.of(Decision) if "it is tried as if" in each.reason]
+    assert {(each.kind, each.evidence) for each in optimistic} == {(DecisionKind.REPLAN, (at("a", "r"),))}
     assert pick("a", "r") in [order.step for order in made.recorder.of(Dispatched)]
 
 
