@@ -169,7 +169,7 @@ class Preparing(Protocol):
 
 @runtime_checkable
 class Sink(Protocol):
-    """Receives every event of a run, and feeds nothing back: an exception in a sink never changes what the robot does."""
+    """Receives every event of a run and feeds nothing back: an exception in it never changes what the robot does."""
 
     def write(self, event: Event) -> None: ...
 

@@ -273,8 +273,10 @@ class Executive:
         return (None, goal) if isinstance(answer, NoPlan) else (answer, wanted)
 
     def _redo(self, verdict: Verdict) -> OptimisticPlan | None:
-        """A plan that brings about once more a literal of the goal that looks support, but too weakly to claim it; each is
-        tried once."""
+        """A plan that brings about once more a literal of the goal that looks support, but too weakly for a claim.
+
+        Each literal is tried once.
+        """
         run_state, judgement = self.run_state, self.run_state.judgement
         answered = judgement.belief.probability if judgement else {}
         doubted = [atom for atom in sorted(verdict.unknown & answered.keys()) if atom not in run_state.tried]

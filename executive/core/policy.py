@@ -55,7 +55,7 @@ class Settings:
     max_questions: int = 32
     """How many atoms one look may ask about: all of them, where there are no more, else those that matter now."""
     guard_looks: int = 2
-    """How many looks the hold guard takes in each transfer; it takes another one only to confirm that the item is gone."""
+    """How many looks the hold guard takes in each transfer; one more only confirms that the item is gone."""
     precondition_wait: int = 2
     sure: float = 0.999
     """A literal of the goal that is less probable than this is looked at once more before the goal is claimed, and as

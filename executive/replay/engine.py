@@ -1,8 +1,9 @@
 """A run's decisions once more, from its record: no model looks, no simulator moves, no planner searches.
 
-The same loop runs with recorded parts: the run's looks, planner's answers and actions' outcomes, in the same order. With
-the run's settings and monitor it takes the same decisions. With others it may ask for something that the record lacks:
-a look where there was none, another action, a plan from another state. There the replay parts from the record and ends.
+The same loop runs with recorded parts: the run's looks, planner's answers and actions' outcomes, in the same order.
+With the run's settings and monitor it takes the same decisions. With others it may ask for something that the record
+lacks: a look where there was none, another action, a plan from another state. There the replay parts from the record
+and ends.
 
 What the record can tell is used. Looks at the same moment (between two actions) are there to be taken, and need not all
 be. A plan that was found from a state that is now believed to be another one is taken if it would work from there too.
