@@ -156,7 +156,7 @@ class Relighting:
 
 
 def tint(kelvin: float) -> FloatArray:
-    """The colour (3,) of white under a light of this temperature, its strongest part 1."""
+    """The colour (3,) of white under a light of this temperature, interpolated; its strongest part is 0.993 to 1."""
     columns = np.asarray(_TINTS, dtype=float).T / 255.0
     return np.array([np.interp(kelvin, _KELVIN, column) for column in columns])
 
