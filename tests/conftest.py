@@ -22,6 +22,9 @@ SLOW = (
 a planner, or starts processes. All others are quick: `make quick`."""
 
 
+QUICK = frozenset({"executive.app.assembly", "executive.app.assembly.make_executive"})
+"""What is quick all the same: it puts parts together that were made elsewhere."""
+
 # Laws are not timed: the machine that checks them may be busy. Quick ones are checked with fewer examples.
 settings.register_profile("untimed", deadline=None)
 settings.register_profile("quick", deadline=None, max_examples=30)
@@ -35,7 +38,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def is_quick(file: Path) -> bool:
     """Whether the tests of a file need nothing that is slow, by what it imports."""
     names = _imports(file)
-    if any(name == slow or name.startswith(f"{slow}.") for name in names for slow in SLOW):
+    if any(name == slow or name.startswith(f"{slow}.") for name in names - QUICK for slow in SLOW):
         return False
     shared = {ROOT / f"{name.replace('.', '/')}.py" for name in names if name.startswith(("tests.", "examples."))}
     beside = file.parent / "conftest.py"
