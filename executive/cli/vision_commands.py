@@ -77,7 +77,7 @@ def estimate(
         config.check_cameras(images)
     elif cameras:
         raise InputError("chooses among several pictures; a video has one", key="--cameras")
-    else:
+    if video is not None or out != Path("."):
         check_writable(out, "--out")
     session = estimating.Session(domain, problem, config, atoms or (), question or ())
     for warning in session.warnings:

@@ -172,20 +172,20 @@ def load_subject(where: str | Path, problem: str | None = None) -> Subject:
     return Subject(folder.resolve().name, task, domain_file, questions, instructions)
 
 
-def _looked_at(manifest: Manifest, questions: Path | None) -> set[str]:
+def _looked_at(manifest: Manifest, questions: Path | None) -> frozenset[str]:
     """The predicates that somebody is to look at, whether an action changes them or not."""
-    return {*manifest.predicates, *_asked(questions)}
+    return frozenset({*manifest.predicates, *_asked(questions)})
 
 
-def _asked(questions: Path | None) -> set[str]:
+def _asked(questions: Path | None) -> frozenset[str]:
     """The predicates that there is a question for. What is wrong with the file is said when it is needed."""
     if questions is None:
-        return set()
+        return frozenset()
     try:
         asked = read_toml(questions, mistake=DomainError).get("questions")
     except DomainError:
-        return set()
-    return {name.lower() for name in asked} if isinstance(asked, dict) else set()
+        return frozenset()
+    return frozenset(name.lower() for name in asked) if isinstance(asked, dict) else frozenset()
 
 
 def _locate(where: str | Path) -> Path:
