@@ -70,7 +70,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["--image", "{dark}", "--instructions", "{here}/empty.png"], "empty.png: is empty"),
         (
             ["--image", "{dark}", "--calibration", "{here}/trust.json"],
-            "trust.json: says how far a model",
+            "it is for executive run --trust",
         ),
         (["--image", "{dark}", "--translator", "lmm"], "--translator: no translator 'lmm'; did you mean 'llm'?"),
         (["--image", "{dark}", "--llm", "writer"], "--llm: goes with --translator llm"),
