@@ -123,11 +123,11 @@ def run_captured(work: Callable[[], V]) -> V | Exception:
     pickled becomes a RuntimeError with the same text; each carries the worker's traceback as a note."""
     try:
         return work()
-    except Exception as error:
+    except Exception as error:  # whatever the job raised is its result, and raised again where it was asked for
         error.add_note(f"In the process that did the job:\n{traceback.format_exc()}")
         try:
             pickle.loads(pickle.dumps(error))
-        except Exception:
+        except Exception:  # an exception may refuse to be pickled in any way
             return RuntimeError(f"{type(error).__name__}: {error}")
         return error
 

@@ -66,7 +66,7 @@ def broken_torchvision() -> str | None:
         return None
     try:
         import_module("torchvision")
-    except Exception as error:
+    except Exception as error:  # one that does not fit torch raises whatever its extension raises
         for name in [name for name in sys.modules if name.partition(".")[0] == "torchvision"]:
             del sys.modules[name]
         sys.modules["torchvision"] = None  # type: ignore[assignment]  # `find_spec` finds nothing, import fails
