@@ -54,6 +54,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(code)
 
 
+_COMPLETE = "_EXECUTIVE_COMPLETE"
+"""The variable by which a shell asks for completions."""
+
+
 def exit_code(arguments: Sequence[str]) -> int:
     """Run one command; every error becomes a line on stderr and an exit code."""
     settings = Settings()
@@ -89,6 +93,8 @@ def _exit_line(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
             return BAD_INPUT, f"the system refuses: {one_line(str(error))}"
         case MemoryError():
             return BAD_INPUT, "there is not enough memory"
+        case KeyError() | ValueError() if _COMPLETE in os.environ:  # typer reads what the shell sets without a check
+            return BAD_INPUT, f"{_COMPLETE} is for shells, which say beside it what is typed ({one_line(str(error))})"
     again = shlex.join(["executive", "--debug", *arguments])
     return BUG, f"this is a bug in Executive: {one_line(f'{type(error).__name__}: {error}')}; traceback: {again}"
 

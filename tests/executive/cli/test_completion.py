@@ -86,6 +86,21 @@ def test_a_shell_is_answered(line: str, offered: set[str], folder: Path) -> None
     assert offered or not run.stdout.strip()
 
 
+@pytest.mark.parametrize("said", [{}, {"COMP_WORDS": "executive ru", "COMP_CWORD": "x"}])
+def test_a_shell_that_does_not_say_what_is_typed_is_told(said: dict[str, str]) -> None:
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("COMP_")}
+    run = subprocess.run(
+        [sys.executable, "-m", "executive"],
+        env={**environment, "_EXECUTIVE_COMPLETE": "complete_bash", **said},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert run.returncode == 2
+    assert "_EXECUTIVE_COMPLETE" in run.stderr
+
+
 @pytest.mark.skipif(shutil.which("bash") is None, reason="asks bash itself")
 def test_bash_takes_the_script_and_uses_it(folder: Path) -> None:
     """The script as `--show-completion` prints it, in the shell that it was printed for."""
