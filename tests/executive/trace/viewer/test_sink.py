@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import signal
 import subprocess
 import sys
@@ -190,9 +189,19 @@ def test_the_scene_is_looked_at_where_the_cameras_look() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
 def test_a_recording_that_was_closed_leaves_no_thread_behind(tmp_path: Path) -> None:
-    counts = []
-    for number in range(4):
-        written(tmp_path / str(number), synthetic_events())
-        gc.collect()
-        counts.append(len(list(Path("/proc/self/task").iterdir())))
+    # In a process of its own: threads of other tests may end while these are counted.
+    script = """
+import gc, sys
+from pathlib import Path
+from tests.executive.trace.synthetic import synthetic_events
+from tests.executive.trace.viewer.test_sink import written
+for number in range(4):
+    written(Path(sys.argv[1]) / str(number), synthetic_events())
+    gc.collect()
+    print(len(list(Path("/proc/self/task").iterdir())))
+"""
+    command = [sys.executable, "-c", script, str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    counts = [int(line) for line in run.stdout.split()]
+    assert len(counts) == 4
     assert counts[-1] == counts[0]
