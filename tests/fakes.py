@@ -21,7 +21,7 @@ from executive.belief import BayesMonitor, Monitor, MutexNetwork, ThresholdMonit
 from executive.belief.mutex_inference import Group
 from executive.core.attention import Attention
 from executive.core.loop import Executive
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.errors import InputError, nearest
 from executive.protocols import FaultSource, Preparing, Skill, SkillContext
 from executive.types import (

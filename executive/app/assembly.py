@@ -8,9 +8,9 @@ from executive.belief import Monitor, ThresholdMonitor
 from executive.core.attention import Attention
 from executive.core.loop import Executive
 from executive.core.observer import CameraObserver
-from executive.core.policy import Settings
 from executive.core.run_state import RunState
 from executive.core.session import Session
+from executive.core.settings import Settings
 from executive.protocols import Estimator, FaultSource, Planner, Preparing, Sink, Skill, World
 from executive.types import Facts, Task
 

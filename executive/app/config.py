@@ -13,7 +13,7 @@ from pathlib import Path
 
 from executive.app.estimators import EstimatorConfig
 from executive.app.monitors import MonitorConfig
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.domain.loader import Domain
 from executive.errors import InputError, nearest
 from executive.util.atomic_write import write_atomic
@@ -39,7 +39,7 @@ class RunConfig:
         home_pose: whether skills end at the home pose.
         grasp_noise: the standard deviation of grasp positions, in m.
         max_replans, max_actions, max_cycles, max_looks, max_seconds, max_looks_again, max_questions: limits of
-            `executive.core.policy.Settings`.
+            `executive.core.settings.Settings`.
         patience: the time limit of a look, a plan or an action, in wall seconds.
         guard: whether the hold guard looks at what is carried while it is carried.
         runs: the folder in which the run's folder is made.

@@ -16,9 +16,10 @@ from executive.belief.interface import Judgement
 from executive.core import policy
 from executive.core.compare import compare
 from executive.core.observer import Look, Observer
-from executive.core.policy import OptimisticPlan, Settings
+from executive.core.policy import OptimisticPlan
 from executive.core.run_state import Leeway, RunState
 from executive.core.session import Session
+from executive.core.settings import Settings
 from executive.errors import InputError
 from executive.protocols import Planner, Preparing, Skill
 from executive.types import (

@@ -12,9 +12,9 @@ from typing import NamedTuple, Protocol
 
 from executive.core.attention import Attention, alike, useless
 from executive.core.hold_guard import HoldGuard
-from executive.core.policy import Settings
 from executive.core.run_state import RunState
 from executive.core.session import Session
+from executive.core.settings import Settings
 from executive.protocols import Asking, Estimator, Skill, World
 from executive.types import (
     Atom,

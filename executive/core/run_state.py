@@ -14,7 +14,8 @@ from typing import NamedTuple
 from executive.belief.interface import Judgement, Memory
 from executive.core.attention import questions
 from executive.core.compare import bearing, compare, outlook, progress
-from executive.core.policy import Doubts, Dropped, Failures, Settings, Turn
+from executive.core.policy import Doubts, Dropped, Failures, Turn
+from executive.core.settings import Settings
 from executive.types import (
     Atom,
     Belief,

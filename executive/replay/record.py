@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 from executive.core.observer import Look
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.errors import InputError
 from executive.trace.record.codec import decode
 from executive.types import (

@@ -21,7 +21,7 @@ import typer.main
 import executive.__main__ as module
 from executive import __version__, cli
 from executive.app import run as assemble
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.domain.loader import list_domains
 from executive.errors import DomainError, InputError, MissingError
 from executive.protocols import Sink

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.core.hold_guard import HoldGuard
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.errors import MissingError
 from executive.faults import FaultInjector, parse_fault
 from executive.types import (

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from executive.app.assembly import make_executive
 from executive.belief import Thresholds
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.errors import ExecutiveError, InputError, MissingError
 from executive.faults import FaultInjector, parse_fault
 from executive.protocols import Simulator, SkillContext, Tell, World

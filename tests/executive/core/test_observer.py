@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from executive.belief import ErrorModel, SensorModel, Thresholds
 from executive.core.attention import FROZEN, PLAIN, Attention
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.protocols import Skill, SkillContext
 from executive.types import (
     Atom,

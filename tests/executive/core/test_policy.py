@@ -12,7 +12,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from executive.core import policy
-from executive.core.policy import Doubts, Dropped, Failures, Settings, Turn
+from executive.core.policy import Doubts, Dropped, Failures, Turn
+from executive.core.settings import Settings
 from executive.types import (
     Atom,
     Decision,

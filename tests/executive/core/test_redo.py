@@ -8,7 +8,7 @@ import pytest
 
 from executive.belief import ErrorModel, SensorModel
 from executive.belief.action_model import ABSENCE_EVIDENCE, GRIP_EVIDENCE, skill_evidence
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.types import (
     Atom,
     Belief,

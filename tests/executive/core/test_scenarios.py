@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from executive.belief import Thresholds
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.faults import FaultInjector, parse_fault
 from executive.protocols import SkillContext
 from executive.trace.report.summary import summarise

@@ -20,7 +20,7 @@ import pytest
 from executive.app.assembly import make_executive
 from executive.cli.app import ctrl_c
 from executive.core.loop import Executive
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.core.time_limits import punctual_estimator, punctual_planner, punctual_preparing, punctual_skills
 from executive.errors import InputError
 from executive.protocols import Asking, Sink, SkillContext, Tell

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from executive import cli
 from executive.app.monitors import MonitorConfig
 from executive.app.resume import PastRun
-from executive.core.policy import Settings
 from executive.core.run_state import RunState
+from executive.core.settings import Settings
 from executive.errors import InputError
 from executive.faults import FaultInjector, parse_fault
 from executive.replay import compare_run

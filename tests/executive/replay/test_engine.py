@@ -23,7 +23,7 @@ from executive.belief import (
     Thresholds,
 )
 from executive.belief.sensor_model import ErrorModel
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.errors import InputError
 from executive.faults import FaultInjector, parse_fault
 from executive.replay import Decided, Record, Replay, replay, side_by_side

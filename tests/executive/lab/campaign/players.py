@@ -13,7 +13,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from executive.belief import ThresholdMonitor, Thresholds
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.faults import FaultInjector, parse_fault
 from executive.lab.campaign.design import Campaign, Configuration, Episode, Place
 from executive.lab.campaign.episode import Player, Row, out_of_reach, row

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.core.policy import Settings
+from executive.core.settings import Settings
 from executive.faults import FaultInjector, parse_fault
 from executive.lab.campaign.scoring import Scorer, Strike, Tally
 from executive.types import (
