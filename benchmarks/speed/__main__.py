@@ -23,12 +23,15 @@ from benchmarks.speed.table import Row, machine, plot, printed
 ROWS = ("collision", "motion", "trajectory", "simulation", "picture", "look", "replan", "start", "task", "growth")
 """Each a module here with a function `measure`."""
 
+ON_REQUEST = ("coal",)
+"""The same, for what has to be installed first."""
+
 
 def main() -> None:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("MUJOCO_GL", "egl")  # before the first import of mujoco
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--only", nargs="+", choices=ROWS, default=ROWS, help="some of the rows")
+    parser.add_argument("--only", nargs="+", choices=(*ROWS, *ON_REQUEST), default=ROWS, help="some of the rows")
     parser.add_argument("--all", action="store_true", help="measure on everything there is; takes a long time")
     parser.add_argument("--json", action="store_true", help="print the table for programs")
     parser.add_argument("--out", type=Path, help="a folder to keep the table in")
