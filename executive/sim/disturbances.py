@@ -101,7 +101,7 @@ def _slip(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, 
     if item is None:
         return "nothing slipped: the hand is empty"
     hand = world.data.site(scene.GRIP_SITE)
-    centre, (_, closing, out) = np.array(hand.xpos), np.array(hand.xmat).reshape(3, 3).T
+    centre, (closing, _, out) = np.array(hand.xpos), np.array(hand.xmat).reshape(3, 3).T
     before = world.pose(item)
     for _ in range(_TRIES):
         angle = rng.uniform(*_SLIP_ANGLE) * rng.choice([-1.0, 1.0])

@@ -9,6 +9,7 @@ import pytest
 from executive.errors import InputError
 from executive.protocols import Skill, SkillContext
 from executive.sim.disturbances import BOXES
+from executive.sim.scene import PADS
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.skills.pick import pick
@@ -123,6 +124,19 @@ def test_a_blocked_table_has_no_room(world: MujocoWorld) -> None:
     assert carried_out(place, world, "lemon", "wood-table") is SkillStatus.DONE
 
 
+def _axis(before: FloatArray, after: FloatArray) -> FloatArray:
+    """The axis about which a pose (7,) was turned to get to another."""
+    inverse, turn = np.zeros(4), np.zeros(4)
+    mujoco.mju_negQuat(inverse, before[3:])
+    mujoco.mju_mulQuat(turn, after[3:], inverse)
+    return np.asarray(turn[1:] / np.linalg.norm(turn[1:]))
+
+
+def _across_pads(world: MujocoWorld) -> FloatArray:
+    left, right = (world.data.geom(name).xpos for name in PADS)
+    return np.asarray((right - left) / np.linalg.norm(right - left))
+
+
 @pytest.mark.parametrize("item", ["lemon", "milk-carton"])
 def test_an_item_slips_in_the_grip_and_is_held_on(world: MujocoWorld, item: str) -> None:
     assert carried_out(pick, world, item, where(world)[item]) is SkillStatus.DONE
@@ -131,6 +145,7 @@ def test_an_item_slips_in_the_grip_and_is_held_on(world: MujocoWorld, item: str)
     for seed in range(5):
         world.restore(saved)
         said = world.disturb("slip", np.random.default_rng(seed))
+        assert abs(_axis(before, world.pose(item)) @ _across_pads(world)) > 0.999, "it pivots between the pads"
         world.settle(0.5)
         after = world.pose(item)
         assert world.gripped() == item
