@@ -42,7 +42,8 @@ from executive.types import (
 if TYPE_CHECKING:
     from executive.app.assembly import make_executive
     from executive.app.config import RunConfig
-    from executive.app.run import Run, load_skills, resume, run
+    from executive.app.run import Run, resume, run
+    from executive.app.worlds import load_skills
     from executive.core.compare import compare, progress, regress
     from executive.core.loop import Executive
     from executive.domain import load_domain, load_subject
@@ -134,7 +135,7 @@ _FROM = {
     "compare": "executive.core.compare",
     "make_executive": "executive.app.assembly",
     "load_domain": "executive.domain",
-    "load_skills": "executive.app.run",
+    "load_skills": "executive.app.worlds",
     "load_subject": "executive.domain",
     "parse_fault": "executive.faults",
     "progress": "executive.core.compare",

@@ -14,7 +14,7 @@ from pathlib import Path
 from executive.app.estimators import EstimatorConfig
 from executive.app.monitors import MonitorConfig
 from executive.core.settings import Settings
-from executive.domain.loader import Domain
+from executive.domain.loader import Domain, is_pddl
 from executive.errors import InputError, nearest
 from executive.util.atomic_write import write_atomic
 from executive.util.files import check_writable, legible, read_toml, reason
@@ -23,6 +23,9 @@ CONFIG = "config.toml"
 """The file in a run's folder with its configuration."""
 
 ESTIMATORS = ("oracle", "vlm", "none")
+
+MUJOCO, SYMBOLIC_WORLD = WORLDS = ("mujoco", "symbolic")
+"""The simulator, and the symbolic world, which plays any planning task without one."""
 
 PATIENCE = 900.0
 """The default time limit of a look, a plan or an action, in wall seconds."""
@@ -34,7 +37,12 @@ class RunConfig:
 
     Attributes:
         domain: a folder, or a shipped domain's name.
-        problem: one of the domain's problems; without it, its default.
+        problem: one of the domain's problems; without it, its default. Where `domain` is a PDDL file, another one.
+        world: one of `WORLDS`; without it, the simulator, or the symbolic world where `domain` is a PDDL file.
+        no_effect: in the symbolic world, how often an action does nothing, without its skill noticing.
+        exogenous: in the symbolic world, how often another agent does something after an action.
+        flip: in the symbolic world, how often an answer is the opposite of what is so.
+        estimator: one of `ESTIMATORS`; without it, "vlm", or "oracle" in the symbolic world.
         faults: specifications in the grammar of `executive.faults`.
         home_pose: whether skills end at the home pose.
         grasp_noise: the standard deviation of grasp positions, in m.
@@ -56,7 +64,7 @@ class RunConfig:
     domain: str
     problem: str | None = None
     seed: int = 0
-    estimator: str = "vlm"
+    estimator: str = ""
     faults: tuple[str, ...] = ()
     home_pose: bool = True
     grasp_noise: float = 0.0
@@ -75,8 +83,25 @@ class RunConfig:
     tree: bool = False
     eye: EstimatorConfig | None = None
     monitor: MonitorConfig = field(default_factory=MonitorConfig)
+    world: str = ""
+    no_effect: float = 0.0
+    exogenous: float = 0.0
+    flip: float = 0.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "world", self.world or (SYMBOLIC_WORLD if is_pddl(self.domain) else MUJOCO))
+        is_symbolic = self.world == SYMBOLIC_WORLD
+        object.__setattr__(self, "estimator", self.estimator or ("oracle" if is_symbolic else "vlm"))
+        if self.world not in WORLDS:
+            raise InputError(f"no world {self.world!r}; {nearest(self.world, WORLDS)}", key="--world")
+        for name, most in {"no_effect": 1.0, "exogenous": 1.0, "flip": 0.49}.items():
+            value, key = getattr(self, name), f"--{name.replace('_', '-')}"
+            if not 0.0 <= value <= most:
+                raise InputError(f"a share from 0 to {most:g}, not {value:g}", key=key)
+            if value and not is_symbolic:
+                raise InputError(f"goes with --world {SYMBOLIC_WORLD}", key=key)
+        if is_symbolic and self.estimator == "vlm":
+            raise InputError("the symbolic world has no pictures for a model", key="--estimator")
         if self.estimator not in ESTIMATORS:
             raise InputError(
                 f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator"

@@ -79,14 +79,18 @@ def preset(name: str, key: str = "--monitor") -> MonitorConfig:
 
 
 def open_monitor(
-    config: MonitorConfig, domain: Domain, estimator: EstimatorConfig | None, seconds: float = 30.0
+    config: MonitorConfig,
+    domain: Domain,
+    estimator: EstimatorConfig | None,
+    seconds: float = 30.0,
+    oracle: SensorModel | None = None,
 ) -> Monitor:
     """Build a run's monitor, and find the task's mutex groups for it.
 
     Args:
-        estimator: the options of the estimator that it monitors; None for the oracle, whose sensor model is exact
-            unless `config.trust` has another one.
+        estimator: the options of the estimator that it monitors; None for the oracle.
         seconds: the wall time that finding the mutex groups may take.
+        oracle: the oracle's sensor model, unless `config.trust` has another one; without it, it is exact.
 
     Raises:
         InputError: the file `trust` is damaged, or has too few looks for the error rate.
@@ -97,14 +101,16 @@ def open_monitor(
         return ThresholdMonitor(domain.task.atoms, Thresholds(config.threshold, config.threshold))
     # What is cheap to check comes first.
     counts = {} if domain.outcomes is None else sensor_fit.load_outcomes(domain.outcomes, domain.parsed.actions)
-    sensor, thresholds = _sensor_model(config, domain, estimator)
-    network = MutexNetwork(domain.task.atoms, find_mutexes(domain.parsed, timeout=seconds).groups)
+    sensor, thresholds = _sensor_model(config, domain, estimator, oracle or EXACT)
+    network = MutexNetwork(
+        domain.task.atoms, find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open).groups
+    )
     actions = ActionModel(counts) if config.memory else None
     return BayesMonitor(network, sensor, actions, thresholds, domain.looking.carried)
 
 
 def _sensor_model(
-    config: MonitorConfig, domain: Domain, estimator: EstimatorConfig | None
+    config: MonitorConfig, domain: Domain, estimator: EstimatorConfig | None, oracle: SensorModel
 ) -> tuple[SensorModel, Mapping[str, Thresholds]]:
     """Return the estimator's sensor model, and the thresholds for the requested error rate."""
     if estimator is None and config.trust is None:
@@ -113,7 +119,7 @@ def _sensor_model(
                 "needs --estimator vlm, or --trust where a fault makes the oracle err: the oracle has no error rate"
             )
             raise InputError(message, key="--alpha")
-        return EXACT, {}
+        return oracle, {}
     file = config.trust or (
         sensor_fit.default_file(estimator.vlm) if estimator is not None and estimator.server is None else None
     )

@@ -7,7 +7,6 @@ import math
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -17,13 +16,13 @@ from executive.app.config import CONFIG, ESTIMATORS, RunConfig, check_folder, ma
 from executive.app.estimators import EstimatorConfig, open_estimator, with_default_model
 from executive.app.monitors import open_monitor
 from executive.app.resume import PastRun
-from executive.core.attention import Attention
+from executive.app.worlds import make_setting, oracle_sensor_model
 from executive.core.loop import Executive
 from executive.core.run_state import RunState
 from executive.core.session import INTERRUPTED
 from executive.core.time_limits import punctual_estimator, punctual_planner, punctual_preparing, punctual_skills
-from executive.domain.loader import Domain, load_domain
-from executive.errors import DomainError, InputError, nearest
+from executive.domain.loader import load_domain
+from executive.errors import InputError
 from executive.faults import (
     Fault,
     FaultInjector,
@@ -31,10 +30,9 @@ from executive.faults import (
     faulty_planner,
     faulty_skills,
     faulty_world,
-    parse_fault,
 )
 from executive.planning.fast_downward import FastDownwardPlanner
-from executive.protocols import Estimator, Planner, Preparing, Recalling, Sink, Skill
+from executive.protocols import Planner, Preparing, Recalling, Sink
 from executive.trace.record import monitor_file
 from executive.trace.record.log import EventLog
 from executive.trace.record.snapshots import Snapshots
@@ -45,19 +43,12 @@ from executive.util import requirements
 
 if TYPE_CHECKING:
     from executive.s3e.estimator import S3E
-    from executive.sim.initial_state import InitialState
-    from executive.sim.truth import Truth
-    from executive.sim.world import MujocoWorld
 
 __all__ = [
     "CONFIG",
     "ESTIMATORS",
     "Run",
     "RunConfig",
-    "load_attention",
-    "load_moves",
-    "load_skills",
-    "parse_faults",
     "read_config",
     "resume",
     "run",
@@ -92,14 +83,9 @@ class Run:
         log = None if folder is None else EventLog(folder, self._stop_recording_failed)  # locks the folder
         self._past = None if folder is None else PastRun.of(folder)
         self.domain = load_domain(config.domain, config.problem)
-        stage = checked_stage(self.domain)
+        setting = make_setting(self.domain, config)
         if self._past is not None:
             self._past.check(self.domain.task)
-        injected = parse_faults(self.domain, config.faults)
-        if config.eye is not None:
-            from executive.sim.spec import read_scene
-
-            config.eye.check_cameras([camera.name for camera in read_scene(self.domain.scene).cameras])
         planner = FastDownwardPlanner(self.domain.parsed)
         planner.warm_up()  # in the background
         estimator_config = None
@@ -108,17 +94,18 @@ class Run:
         self.monitor = None
         if config.estimator != "none":
             seconds = min(30.0, config.patience, config.settings().max_seconds)
-            self.monitor = open_monitor(config.monitor, self.domain, estimator_config, seconds)
+            oracle = oracle_sensor_model(config)
+            self.monitor = open_monitor(config.monitor, self.domain, estimator_config, seconds, oracle)
         # Loading a model takes long and may fail: it comes before anything that would have to be undone.
         if estimator_config is not None and vlm is None:
             vlm = open_estimator(estimator_config, self.domain.subject)
         first_observation = 0 if self._past is None else self._past.observations
-        self.world, self.truth = _stage(self.domain, config, injected, first_observation, stage)
-        self._too_large = _too_large(self.domain, self.world, self.truth)
+        self._stage = setting.open(first_observation)
+        self.world, self.truth = self._stage.world, self._stage.truth
         self.folder = make_folder(config, self.domain) if folder is None else folder
         self._collector = Collector()
         try:
-            self.executive = self._assemble(planner, injected, vlm, sinks, view, log)
+            self.executive = self._assemble(planner, setting.faults, vlm, sinks, view, log)
         except BaseException:  # Ctrl-C too: a run that never began leaves no folder
             if folder is None:
                 shutil.rmtree(self.folder, ignore_errors=True)
@@ -176,9 +163,13 @@ class Run:
             monitor_file.save(self.folder, self.monitor)
         self._sinks = (*recorders, *sinks)
         run_state = self._restore()
-        estimator, initial = _estimator(self.domain, config, self.truth, vlm)
+        estimator, initial = None, None
+        if config.estimator == "none":  # the blind baseline is given the true initial state instead
+            initial = self.truth.of(self.domain.task.atoms)
+        else:
+            estimator = vlm or self._stage.oracle
         faults = FaultInjector(injected, self.world, config.seed)
-        skills, moves = load_skills(self.domain), load_moves(self.domain)
+        skills, moves = self._stage.skills, self._stage.moves
         preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
         return make_executive(
             self.domain.task,
@@ -195,7 +186,7 @@ class Run:
             domain=self.domain.name,
             run=self.folder.name,
             monitor=self.monitor,
-            attention=load_attention(self.domain, self.world, () if config.eye is None else config.eye.cameras),
+            attention=self._stage.attention,
             moves=moves,
             run_state=run_state,
             prepare=punctual_preparing(preparing, self._seconds_left),
@@ -207,9 +198,9 @@ class Run:
 
     def _feasible(self, planner: Planner) -> Planner:
         """Return the planner without steps that put an item on a table it does not fit on."""
-        if not self._too_large:
+        if not self._stage.too_large:
             return planner
-        return _FeasiblePlanner(planner, self.domain.parsed.giving(self._too_large), self._too_large)
+        return _FeasiblePlanner(planner, self.domain.parsed.giving(self._stage.too_large), self._stage.too_large)
 
     def _restore(self) -> RunState | None:
         """Restore the world from its last snapshot, replay the record to the sinks, and return the run state; None for
@@ -264,123 +255,3 @@ class _FeasiblePlanner:
         if isinstance(result, NoPlan) and result.reason is NoPlanReason.UNSOLVABLE and why:
             return replace(result, detail="; ".join(why))
         return result
-
-
-def load_skills(domain: Domain) -> Mapping[str, Skill]:
-    """Load each action's skill from the entry-point group `executive.skills`."""
-    points = {point.name: point for point in entry_points(group="executive.skills")}
-    return {action: points[skill].load() for action, skill in domain.skills.items()}
-
-
-def load_moves(domain: Domain) -> Mapping[str, Skill]:
-    """Load the skills that move the arm out of the cameras' view, in order, from the same entry-point group."""
-    points = {point.name: point for point in entry_points(group="executive.skills")}
-    return {name: points[name].load() for name in domain.looking.moves}
-
-
-def load_attention(domain: Domain, world: MujocoWorld, shown: Sequence[str] = ()) -> Attention:
-    """Build the domain's attention: which cameras show which atoms, of those in `shown`, if there are any.
-
-    Raises:
-        DomainError: the domain names a camera that the scene does not have.
-    """
-    looking, cameras = domain.looking, [camera.name for camera in world.spec.cameras]
-    for key, names in {"guard": looking.guard, **{f"closer.{name}": of for name, of in looking.closer.items()}}.items():
-        for name in names:
-            if name not in cameras:
-                message = f"the scene has no camera {name!r}; {nearest(name, cameras)}"
-                raise DomainError(message, file=domain.files[0], key=f"looking.{key}")
-    attention = Attention(looking.closer, looking.carried, looking.guard)
-    return attention.only(shown) if shown else attention
-
-
-def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
-    """Parse fault specifications, and check their names against the problem and its scene.
-
-    Raises:
-        InputError: a specification is malformed, or names something that the scene does not have.
-    """
-    from executive.sim.spec import read_scene
-
-    scene = read_scene(domain.scene)
-    items = [item.name for item in scene.items if item.name in domain.task.objects]
-    tables, cameras = ([thing.name for thing in things] for things in (scene.tables, scene.cameras))
-    return [parse_fault(spec, items, tables, cameras) for spec in specs]
-
-
-def checked_stage(domain: Domain) -> InitialState:
-    """Return the problem's initial setting in the domain's scene, after checking that its predicates and :init are
-    meaningful there.
-
-    Raises:
-        DomainError: they are not.
-    """
-    from executive.sim.initial_state import read_initial_state
-    from executive.sim.relation_kinds import check_kinds, read_relation_kinds
-    from executive.sim.spec import read_scene
-
-    manifest, problem, task = domain.files[0], domain.files[2], domain.task
-    scene = read_scene(domain.scene).restricted_to(task.objects, domain.scene)
-    kinds = read_relation_kinds(domain.relations, task.parameters, manifest)
-    check_kinds(kinds, task, scene, manifest)
-    return read_initial_state(domain.parsed.init, kinds, scene, problem)
-
-
-def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom, str]:
-    """Return the atoms that cannot be made true because an item is larger than the table, each with the reason.
-
-    Raises:
-        DomainError: no atom of the goal can be reached.
-    """
-    from executive.sim.initial_state import too_large
-
-    why = too_large(domain.task.atoms, truth.relation_kinds, world.shapes, world.spec)
-    goal = domain.task.goal
-    if goal.true and why.keys() >= goal.true and not goal.false:
-        world.close()
-        raise DomainError("; ".join(why[atom] for atom in sorted(goal.true)), file=domain.files[2], key=":goal")
-    return why
-
-
-def _stage(
-    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int, setting: InitialState
-) -> tuple[MujocoWorld, Truth]:
-    """Build the world in the state of the problem's :init, which the robot is not given."""
-    from executive.sim.initial_state import check_initial_state
-    from executive.sim.truth import Truth
-    from executive.sim.world import MujocoWorld
-
-    task = domain.task
-    world = MujocoWorld(
-        domain.scene,
-        task.objects,
-        seed=config.seed,
-        placed=setting.placed,
-        grasp_noise=config.grasp_noise,
-        home_pose=config.home_pose,
-        blockings=sum(fault.kind == "block" for fault in faults),
-        keep_trees=config.tree,
-        first_observation=first_observation,
-        barred=setting.barred,
-        held=setting.held,
-    )
-    truth = Truth(world, domain.relations, task.parameters, domain.files[0])
-    try:
-        check_initial_state(domain.parsed.init, truth.of, domain.files[2])
-    except DomainError:
-        world.close()
-        raise
-    return world, truth
-
-
-def _estimator(
-    domain: Domain, config: RunConfig, truth: Truth, vlm: Estimator | None
-) -> tuple[Estimator | None, Facts | None]:
-    """Return the run's estimator; for the blind baseline None, and the true initial state instead."""
-    if config.estimator == "none":
-        return None, truth.of(domain.task.atoms)
-    if vlm is not None:
-        return vlm, None
-    from executive.sim.truth import Oracle
-
-    return Oracle(truth), None

@@ -40,6 +40,7 @@ DEFAULTS: Mapping[SkillStatus, Chances] = MappingProxyType(
         SkillStatus.UNREACHABLE: Chances(0.01, 0.97, 0.02),
         SkillStatus.DOES_NOT_FIT: Chances(0.01, 0.97, 0.02),
         SkillStatus.NOT_THERE: Chances(0.01, 0.19, 0.80),  # it is somewhere else than was believed
+        SkillStatus.NOT_APPLICABLE: Chances(0.01, 0.97, 0.02),
         SkillStatus.TIMED_OUT: Chances(0.30, 0.40, 0.30),
         SkillStatus.CANCELLED: Chances(0.20, 0.50, 0.30),
         SkillStatus.CRASHED: Chances(0.20, 0.50, 0.30),
@@ -85,7 +86,8 @@ GRIP_EVIDENCE = math.log(499.0)
 in five hundred times. In the 2,000 collected actions that `domains/grocery/outcomes.toml` counts it never was."""
 
 ABSENCE_EVIDENCE = math.log(19.0)
-"""The log-likelihood ratio of a skill's report that an object is not there. Two looks that see it there outweigh it."""
+"""The log-likelihood ratio of a skill's report that an object is not there, or that what it needs does not hold.
+Two looks that see it there outweigh it."""
 
 
 def skill_evidence(
@@ -98,7 +100,7 @@ def skill_evidence(
     if result is None:
         return MappingProxyType({})
     found: dict[Atom, float] = {}
-    if result.status is SkillStatus.NOT_THERE:
+    if result.status in (SkillStatus.NOT_THERE, SkillStatus.NOT_APPLICABLE):
         needed = [atom for atom, value in step.preconditions.items() if value and set(atom.args) & set(step.args)]
         found = dict.fromkeys(needed, -ABSENCE_EVIDENCE) if len(needed) == 1 else {}
     atom = step.about(carried)

@@ -24,9 +24,11 @@ def _problems(ctx: typer.Context) -> completion.Offer:
 DomainName = Annotated[
     str,
     typer.Argument(
-        help="A domain's folder, or the name of one that comes with Executive.", autocompletion=completion.domains
+        help="A domain's folder, the name of one that comes with Executive, or a PDDL domain file.",
+        autocompletion=completion.domains,
     ),
 ]
+ProblemFile = Annotated[Path | None, typer.Argument(help="The PDDL problem file that goes with a PDDL domain file.")]
 ProblemName = Annotated[
     str | None,
     typer.Option(help="One of the domain's problems (see: executive domains).", autocompletion=_problems),
@@ -63,6 +65,17 @@ Abstention = Annotated[
     ),
 ]
 CalibrationFile = Annotated[Path | None, typer.Option(help="A file that corrects the probabilities.")]
+
+
+def chosen_problem(file: Path | None, name: str | None) -> str | None:
+    """Return the problem that these two ways of naming one mean.
+
+    Raises:
+        InputError: both are used.
+    """
+    if file is not None and name is not None:
+        raise InputError(f"names the problem a second time, beside {file}", key="--problem")
+    return name if file is None else str(file)
 
 
 def estimator_config(

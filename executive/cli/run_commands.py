@@ -26,10 +26,12 @@ from executive.cli.options import (
     Model,
     NoInstructions,
     PerImage,
+    ProblemFile,
     ProblemName,
     RunName,
     Server,
     TranslatorName,
+    chosen_problem,
     estimator_config,
 )
 from executive.errors import InputError
@@ -42,15 +44,32 @@ if TYPE_CHECKING:
 
 def run(
     domain: DomainName,
+    problem_file: ProblemFile = None,
     problem: ProblemName = None,
+    world: Annotated[
+        str,
+        typer.Option(
+            help="mujoco (the simulator), or symbolic: no simulator, actions have the effects that the PDDL gives them."
+        ),
+    ] = "",
+    no_effect: Annotated[
+        float, typer.Option(help="With --world symbolic: the share of actions that do nothing.", metavar="SHARE")
+    ] = 0.0,
+    exogenous: Annotated[
+        float, typer.Option(help="With --world symbolic: how often another agent acts, too.", metavar="SHARE")
+    ] = 0.0,
+    flip: Annotated[
+        float, typer.Option(help="With --world symbolic: the share of answers that are wrong.", metavar="SHARE")
+    ] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Fixes the scene and every random number.")] = 0,
     estimator: Annotated[
         str,
         typer.Option(
             help="What estimates the state: vlm (a model), oracle (ground truth), or none (open loop).",
+            show_default="vlm; oracle in the symbolic world",
             autocompletion=completion.estimators,
         ),
-    ] = "vlm",
+    ] = "",
     vlm: Model = None,
     server: Server = None,
     translator: TranslatorName = "templates",
@@ -102,18 +121,12 @@ def run(
     view: Annotated[bool, typer.Option("--view", help="Watch it in the Rerun viewer while it goes on.")] = False,
     tree: Annotated[bool, typer.Option("--tree", help="Show the search trees of motion planning.")] = False,
 ) -> int:
-    """Reach a problem's goal in the simulator, and record everything that happens."""
-    from executive.util import requirements
-
-    requirements.require()
-
-    from executive.app import run as assemble
+    """Reach a problem's goal in the simulator or the symbolic world, and record everything that happens."""
+    from executive.app.config import MUJOCO, RunConfig
     from executive.app.estimators import EstimatorConfig
     from executive.app.monitors import MonitorConfig
     from executive.faults import read_faults
-    from executive.trace.terminal.console import waiting
-    from executive.trace.terminal.sink import TerminalSink
-    from executive.trace.viewer.process import open_window
+    from executive.util import requirements
 
     if view and not viewer:
         raise InputError("needs the viewer's trace, which --no-trace-viewer turns off", key="--view")
@@ -121,9 +134,13 @@ def run(
     eye = estimator_config(
         vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
     )
-    config = assemble.RunConfig(
+    config = RunConfig(
         domain=domain,
-        problem=problem,
+        problem=chosen_problem(problem_file, problem),
+        world=world,
+        no_effect=no_effect,
+        exogenous=exogenous,
+        flip=flip,
         seed=seed,
         estimator=estimator,
         faults=broken,
@@ -145,8 +162,15 @@ def run(
         eye=eye if eye != EstimatorConfig() else None,
         monitor=MonitorConfig(alpha, threshold, memory, trust),
     )
+    requirements.require(config.world == MUJOCO)
+
+    from executive.app import run as assemble
+    from executive.trace.terminal.console import waiting
+    from executive.trace.terminal.sink import TerminalSink
+    from executive.trace.viewer.process import open_window
+
     stream = sys.stderr if as_json else sys.stdout
-    with nullcontext() if quiet else waiting(stream, "loading planner and simulator"):
+    with nullcontext() if quiet else waiting(stream, "loading planner and world"):
         window = open_window() if view else None
         prepared = assemble.Run(config, [] if quiet else [TerminalSink(stream)], view=window)
     return _carried_out(prepared, quiet, as_json)
@@ -159,17 +183,19 @@ def resume(
     view: Annotated[bool, typer.Option("--view", help="Watch it in the Rerun viewer while it goes on.")] = False,
 ) -> int:
     """Go on with a run whose process was killed, that crashed, or that was interrupted: look first, repeat nothing."""
+    from executive.app.config import MUJOCO, read_config
     from executive.util import requirements
 
-    requirements.require()
+    folder = run_folder(run)
+    requirements.require(read_config(folder).world == MUJOCO)
 
     from executive.app import run as assemble
     from executive.trace.terminal.console import waiting
     from executive.trace.terminal.sink import TerminalSink
     from executive.trace.viewer.process import open_window
 
-    folder, stream = run_folder(run), sys.stderr if as_json else sys.stdout
-    with nullcontext() if quiet else waiting(stream, "loading planner and simulator"):
+    stream = sys.stderr if as_json else sys.stdout
+    with nullcontext() if quiet else waiting(stream, "loading planner and world"):
         window = open_window() if view else None
         prepared = assemble.resume(folder, [] if quiet else [TerminalSink(stream)], window)
     return _carried_out(prepared, quiet, as_json)

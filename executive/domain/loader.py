@@ -14,10 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
+
 from executive.domain.manifest import MANIFEST, Looking, Manifest, Source, inside
 from executive.domain.pddl import Schema, read_task, read_vocabulary
+from executive.domain.pddl.successors import draw_action
 from executive.errors import DomainError, nearest
-from executive.types import Task
+from executive.types import Atom, Step, Task
 from executive.util.files import read_toml
 
 DOMAIN, PROBLEM, QUESTIONS, INSTRUCTIONS = "domain.pddl", "problem.pddl", "questions.toml", "instructions.md"
@@ -51,7 +54,8 @@ class Domain:
     its arguments where they are not the predicate's own (`on(?tool, tray)`); `scene` is the file that the world is
     built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how
     reliable the skills are (`executive.app.sensor_fit` reads it), if there is one, `looking` is how it is to look, and
-    `files` are all the files that were read or located."""
+    `files` are all the files that were read or located. A pair of PDDL files has neither skills nor relations nor a
+    scene (`scene_file` is None): only the symbolic world can play it."""
 
     name: str
     folder: Path
@@ -60,13 +64,36 @@ class Domain:
     task: Task
     parsed: Schema
     world: str
-    scene: Path
+    scene_file: Path | None
     skills: Mapping[str, str]
     relations: Mapping[str, str]
     subject: Subject
     outcomes: Path | None
     looking: Looking
     files: tuple[Path, ...]
+
+    @property
+    def scene(self) -> Path:
+        """The file that the simulated world is built from.
+
+        Raises:
+            DomainError: there is none.
+        """
+        if self.scene_file is None:
+            raise DomainError("has no scene for the simulator; play it with --world symbolic", file=self.files[0])
+        return self.scene_file
+
+    @property
+    def leaves_open(self) -> bool:
+        """Whether the problem's :init may leave open where things are, for the robot to see. That of a pair of PDDL
+        files says everything: what it does not name is false."""
+        return self.scene_file is not None
+
+    def draw_action(
+        self, state: Mapping[Atom, bool], rng: np.random.Generator, about: Collection[str] = ()
+    ) -> Step | None:
+        """Draw an action that can be carried out in a state (see `executive.domain.pddl.successors`)."""
+        return draw_action(self.parsed, state, rng, about)
 
     def fingerprint(self) -> str:
         """SHA-256 over the contents of all its files."""
@@ -91,12 +118,15 @@ def load_domain(
     """Read and check a domain folder, or a shipped domain by its name.
 
     `problem` is the name of a file in the folder's `problems/`, or the path of a file inside the folder; without it,
-    the problem that the manifest names. `skills` and `relations` are the names that exist; without them, those that
+    the problem that the manifest names. Where `where` is a PDDL file itself, `problem` is another one, wherever it is.
+    `skills` and `relations` are the names that exist; without them, those that
     are registered as entry points.
 
     Raises:
         DomainError: the first mistake, in one line with its file and key.
     """
+    if is_pddl(where):
+        return _load_pair(Path(where), problem)
     folder = _locate(where)
     source = Source(folder)
     manifest = source.manifest()
@@ -123,7 +153,7 @@ def load_domain(
         task=parsed.task,
         parsed=parsed,
         world=manifest.world.kind,
-        scene=scene,
+        scene_file=scene,
         skills=MappingProxyType(skill_of),
         relations=MappingProxyType(relation_of),
         subject=Subject(name, parsed.task, domain_file, questions, instructions),
@@ -137,6 +167,36 @@ def load_domain(
             skills,
         ),
         files=tuple(file for file in files if file is not None),
+    )
+
+
+def is_pddl(where: str | Path) -> bool:
+    """Whether a user means a PDDL file, and not a folder or the name of a shipped domain."""
+    return Path(where).suffix.lower() == ".pddl" and not os.path.isdir(where)
+
+
+def _load_pair(domain: Path, problem: str | None) -> Domain:
+    """Read two PDDL files that are all there is of a domain."""
+    if problem is None:
+        raise DomainError("needs a problem: name its PDDL file, too", file=domain)
+    files = inside(Path("/"), domain), inside(Path("/"), Path(problem))
+    parsed = read_task(*files)
+    name = parsed.task.name
+    return Domain(
+        name=name,
+        folder=domain.parent,
+        title=name,
+        description="",
+        task=parsed.task,
+        parsed=parsed,
+        world="symbolic",
+        scene_file=None,
+        skills=MappingProxyType({}),
+        relations=MappingProxyType({}),
+        subject=Subject(name, parsed.task, domain),
+        outcomes=None,
+        looking=Looking(),
+        files=files,
     )
 
 

@@ -83,6 +83,17 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "block": _by_someone(
             "someone puts boxes wherever there is room on a table", "block:table=white-table@1", {"table": "which"}
         ),
+        "no-effect": Kind(
+            "the next action does nothing, and its skill does not notice (in the symbolic world)",
+            "before the action",
+            "no-effect:p=0.2",
+            keys=_ACTIONS,
+        ),
+        "exogenous": _by_someone(
+            "another agent carries out an action that is possible (in the symbolic world)",
+            "exogenous:p=0.1",
+            {"item": "an object that the action is about"},
+        ),
         "camera": Kind(
             "a camera (`camera:NAME=...`) or all of them show what is not there",
             "in every look",
@@ -140,7 +151,9 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 """Every kind of fault, by the word that names it."""
 
 PHYSICAL = ("drop", "miss", "slip", "shove", "take", "swap", "tip", "push", "block")
-"""Those that disturb the world (`Simulator.disturb`); the others come between the executive and one of its parts."""
+SYMBOLIC = ("no-effect", "exogenous")
+"""Those that disturb the simulated and the symbolic world (`Simulator.disturb`); the others come between the executive
+and one of its parts."""
 
-BY_SOMEONE = ("shove", "take", "swap", "tip", "push", "block")
+BY_SOMEONE = ("shove", "take", "swap", "tip", "push", "block", "exogenous")
 """Those that somebody does who goes about in the robot's world."""

@@ -41,7 +41,7 @@ class FaultInjector:
         self._action, self._at_work, self._last_phase = action, True, ""
         self._bites.clear()
         self._waiting = {*self._due(("drop", "slip"), step)}
-        for place in self._due(("miss",), step):
+        for place in self._due(("miss", "no-effect"), step):
             self._break(place, action)
         self._meddle("before", step)
 

@@ -58,8 +58,8 @@ class Mutexes(NamedTuple):
     state: frozenset[Atom]
 
 
-def find_mutexes(schema: Schema, *, timeout: float = 30.0) -> Mutexes:
-    """The mutex groups of a task.
+def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = True) -> Mutexes:
+    """The mutex groups of a task. Unless its :init `leaves_open` where things are, it is taken as it is.
 
     Where the translator does not finish within `timeout` seconds (wall time) or fails, there are none, and a warning is
     logged: without groups there is no consistency, but nothing is wrong either.
@@ -76,8 +76,10 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0) -> Mutexes:
     names, deadline = _Names(schema), time.monotonic() + timeout
     declared = frozenset(schema.task.declared)
     try:
-        said = _run(_INVARIANTS, (), names, declared, deadline)
-        state = _Completion(schema, _instances(said, names), deadline).complete()
+        state = declared
+        if leaves_open:
+            said = _run(_INVARIANTS, (), names, declared, deadline)
+            state = _Completion(schema, _instances(said, names), deadline).complete()
         sas = _run(TRANSLATOR, _OPTIONS, names, state, deadline)
         return Mutexes(tuple(sorted(_read(sas, names), key=lambda group: group.atoms)), state)
     except _TranslatorError as failure:

@@ -102,6 +102,7 @@ def _opened(wanted: MonitorConfig, folder: Path, record: Record) -> Monitor:
         return ThresholdMonitor(record.started.task.atoms, Thresholds(wanted.threshold, wanted.threshold))
     from executive.app.config import read_config
     from executive.app.estimators import EstimatorConfig, with_default_model
+    from executive.app.worlds import oracle_sensor_model
     from executive.domain.loader import load_domain
 
     config = read_config(folder)
@@ -109,7 +110,7 @@ def _opened(wanted: MonitorConfig, folder: Path, record: Record) -> Monitor:
     if domain.task.atoms != record.started.task.atoms:
         raise InputError("was another task when it was recorded; only --threshold needs none", file=domain.folder)
     eye = with_default_model(config.eye or EstimatorConfig(), domain.subject) if config.estimator == "vlm" else None
-    return open_monitor(wanted, domain, eye)
+    return open_monitor(wanted, domain, eye, oracle=oracle_sensor_model(config))
 
 
 def side_by_side(record: Record, replayed: Replay) -> list[Row]:

@@ -16,6 +16,7 @@ class SkillStatus(StrEnum):
     UNREACHABLE = "unreachable"
     DOES_NOT_FIT = "does not fit"  # the object is larger than the place
     NOT_THERE = "not there"  # the object is not where the step says; it is not fetched from elsewhere
+    NOT_APPLICABLE = "not applicable"  # the action's precondition does not hold, so that nothing was done
     GRASP_MISSED = "grasp missed"
     DROPPED = "dropped"
     TIMED_OUT = "timed out"

@@ -36,6 +36,9 @@ PACKAGES = {
 }
 """Importable name -> the name to install it by."""
 
+EVERYWHERE = ("pydantic", "rerun", "up_fast_downward")
+"""Those that a run needs in a world without a simulator, too."""
+
 ENGINE = "downward/builds/release/bin/downward"
 """Fast Downward's search, inside the package up_fast_downward."""
 
@@ -69,15 +72,16 @@ class Missing:
     command: str
 
 
-def require() -> None:
-    """Raise an error if anything is missing that every run needs.
+def require(simulator: bool = True) -> None:
+    """Raise an error if anything is missing that every run needs; without a `simulator`, nothing that only that needs.
 
     Raises:
         InputError: an environment variable selects a renderer that cannot work.
         MissingError: names everything that is missing, with one command for all of it.
     """
-    settle_renderer()
-    missing = check()
+    if simulator:
+        settle_renderer()
+    missing = check(simulator)
     if missing:
         commands = dict.fromkeys(entry.command for entry in missing)
         raise MissingError("; ".join(entry.what for entry in missing), command=" && ".join(commands))
@@ -91,13 +95,14 @@ def give_back_memory() -> None:
         trim(0)
 
 
-def check() -> list[Missing]:
-    """Everything that is missing on this machine; empty when a run can start."""
+def check(simulator: bool = True) -> list[Missing]:
+    """Everything that is missing on this machine; empty when a run can start, in the simulator or without it."""
     system = wrong_system(sys.platform, sys.version_info[:2])
     if system is not None:
         return [system]
-    found = [*missing_packages(), *missing_parts()]
-    if sys.platform == "linux":
+    packages = PACKAGES if simulator else {module: PACKAGES[module] for module in EVERYWHERE}
+    found = [*missing_packages(packages), *missing_parts(packages)]
+    if simulator and sys.platform == "linux":
         found += missing_libraries()
     return found
 
@@ -118,9 +123,9 @@ def wrong_system(name: str, python: Sequence[int]) -> Missing | None:
     return None
 
 
-def missing_packages() -> list[Missing]:
-    """The Python packages that are not installed."""
-    missing = [name for module, name in PACKAGES.items() if find_spec(module) is None]
+def missing_packages(packages: Mapping[str, str] = PACKAGES) -> list[Missing]:
+    """Those of these Python packages that are not installed."""
+    missing = [name for module, name in packages.items() if find_spec(module) is None]
     if not missing:
         return []
     wanted, why = missing, ""
@@ -132,13 +137,13 @@ def missing_packages() -> list[Missing]:
     return [Missing(what, _pip(*wanted))]
 
 
-def missing_parts() -> Iterator[Missing]:
-    """Files of installed packages that a broken or partial installation may lack."""
+def missing_parts(packages: Mapping[str, str] = PACKAGES) -> Iterator[Missing]:
+    """Files of these installed packages that a broken or partial installation may lack."""
     for module, part, what in (
         ("up_fast_downward", ENGINE, "Fast Downward's search engine"),
         ("robosuite", ROBOT, "robosuite's model of the UR5e"),
     ):
-        spec = find_spec(module)
+        spec = find_spec(module) if module in packages else None
         if spec is None or spec.origin is None:  # said by `missing_packages` already
             continue
         file = Path(spec.origin).parent / part

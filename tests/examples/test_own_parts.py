@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.app.run import load_skills
+from executive.app.worlds import load_skills
 from executive.domain.loader import Domain, load_domain
 from executive.domain.scaffold import create
 from executive.protocols import SkillContext

@@ -39,9 +39,10 @@ from typing import NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from executive.app.config import ESTIMATORS
 from executive.app.estimators import EstimatorConfig, with_default_model
 from executive.app.monitors import PRESETS, MonitorConfig, preset
-from executive.app.run import ESTIMATORS, parse_faults
+from executive.app.worlds import parse_faults
 from executive.domain.loader import load_domain
 from executive.errors import InputError, nearest
 from executive.lab.campaign.design import Campaign, Configuration, Episode, Place

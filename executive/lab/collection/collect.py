@@ -21,7 +21,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from executive.app.run import checked_stage
+from executive.app.worlds import checked_stage
 from executive.domain.loader import Domain, load_domain
 from executive.errors import ExecutiveError, InputError
 from executive.lab.collection import data_card, dataset

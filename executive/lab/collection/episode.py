@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from executive.app.run import load_skills
+from executive.app.worlds import load_skills
 from executive.domain.loader import Domain
 from executive.domain.pddl import Schema
 from executive.errors import ExecutiveError

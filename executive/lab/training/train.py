@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executive.app.run import checked_stage
+from executive.app.worlds import checked_stage
 from executive.domain.loader import Domain, load_domain
 from executive.errors import ExecutiveError, InputError
 from executive.lab.collection import dataset

@@ -18,7 +18,8 @@ import pytest
 
 from executive.app.assembly import make_executive
 from executive.app.estimators import EstimatorConfig, open_estimator
-from executive.app.run import Run, RunConfig, load_attention, load_moves
+from executive.app.run import Run, RunConfig
+from executive.app.worlds import load_attention, load_moves
 from executive.core.observer import CameraObserver
 from executive.domain.loader import load_domain
 from executive.protocols import Planner, SkillContext

@@ -1,0 +1,268 @@
+"""A run's world: the simulated one, built from the domain's scene, or the symbolic one, which needs none. What a run
+needs of either is checked and built here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from executive.app.config import MUJOCO, SYMBOLIC_WORLD, RunConfig
+from executive.core.attention import Attention
+from executive.domain.loader import Domain
+from executive.errors import DomainError, InputError, nearest
+from executive.faults import Fault, parse_fault
+from executive.faults.catalogue import PHYSICAL, SYMBOLIC
+from executive.protocols import Estimator, Skill
+from executive.types import Atom, Facts
+
+if TYPE_CHECKING:
+    from executive.belief.sensor_model import SensorModel
+    from executive.sim.initial_state import InitialState
+    from executive.sim.truth import Truth
+    from executive.sim.world import MujocoWorld
+
+_START = 3
+"""The stream of random numbers of the symbolic world's initial state, beside those of faults, skills and its sensor."""
+
+
+class GroundTruth(Protocol):
+    """The ground truth of a world, for scores alone."""
+
+    def of(self, atoms: Sequence[Atom]) -> Facts: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A world with everything of a run that belongs to it.
+
+    `oracle` is the estimator that needs no model; `too_large` are the atoms that cannot be made true, each with the
+    reason.
+    """
+
+    world: Any
+    truth: GroundTruth
+    oracle: Estimator
+    skills: Mapping[str, Skill]
+    moves: Mapping[str, Skill]
+    attention: Attention
+    too_large: Mapping[Atom, str]
+
+
+class Setting(Protocol):
+    """A world that is checked and not yet built: reading is cheap, and may find a mistake."""
+
+    @property
+    def faults(self) -> Sequence[Fault]:
+        """What is to be broken."""
+        ...
+
+    def open(self, first_observation: int) -> Stage:
+        """Build the world in the state of the problem's :init, which the robot is not given."""
+        ...
+
+
+def make_setting(domain: Domain, config: RunConfig) -> Setting:
+    """Check what a run needs of its world.
+
+    Raises:
+        InputError: a fault is none of this world, or the domain has no scene for the simulator.
+    """
+    return _Symbolic(domain, config) if config.world == SYMBOLIC_WORLD else _Simulated(domain, config)
+
+
+def oracle_sensor_model(config: RunConfig) -> SensorModel | None:
+    """Return the sensor model of a run's oracle; None where it never errs."""
+    from executive.belief.sensor_model import ErrorModel, SensorModel
+
+    flip = config.flip
+    return SensorModel(other=ErrorModel(flip, flip), correlation_within=0.0) if flip else None
+
+
+class _Simulated:
+    """The simulator."""
+
+    def __init__(self, domain: Domain, config: RunConfig) -> None:
+        self._domain, self._config = domain, config
+        self._initial = checked_stage(domain)
+        self.faults = parse_faults(domain, config.faults)
+        if config.eye is not None:
+            from executive.sim.spec import read_scene
+
+            config.eye.check_cameras([camera.name for camera in read_scene(domain.scene).cameras])
+
+    def open(self, first_observation: int) -> Stage:
+        from executive.sim.truth import Oracle
+
+        domain, config = self._domain, self._config
+        world, truth = _simulator(domain, config, self.faults, first_observation, self._initial)
+        too_large = _too_large(domain, world, truth)
+        attention = load_attention(domain, world, () if config.eye is None else config.eye.cameras)
+        return Stage(world, truth, Oracle(truth), load_skills(domain), load_moves(domain), attention, too_large)
+
+
+class _Symbolic:
+    """The symbolic world. Options that break something are faults like all others."""
+
+    def __init__(self, domain: Domain, config: RunConfig) -> None:
+        self._domain, self._config = domain, config
+        rates = {"no-effect": config.no_effect, "exogenous": config.exogenous}
+        specs = [*config.faults, *(f"{kind}:p={rate!r}" for kind, rate in rates.items() if rate)]
+        self.faults = [_only_in(SYMBOLIC_WORLD, parse_fault(spec, domain.task.objects, (), ())) for spec in specs]
+
+    def open(self, first_observation: int) -> Stage:
+        from executive.symbolic import SymbolicSkill, SymbolicWorld
+        from executive.symbolic.truth import SymbolicTruth
+        from executive.symbolic.world import SymbolicEstimator
+
+        domain, config = self._domain, self._config
+        world = SymbolicWorld(
+            domain.task.atoms,
+            _initial_state(domain, config),
+            domain.draw_action,
+            config.flip,
+            config.seed,
+            first_observation,
+        )
+        skills = dict.fromkeys(domain.parsed.actions, SymbolicSkill())
+        oracle = SymbolicEstimator(world, config.flip)
+        return Stage(world, SymbolicTruth(world), oracle, skills, {}, Attention(), {})
+
+
+def _initial_state(domain: Domain, config: RunConfig) -> frozenset[Atom]:
+    """Return the atoms that are true at first. What a folder's problem leaves open is drawn by the run's seed: an atom
+    of each mutex group that has none, as long as that fills no other group twice."""
+    true = set(domain.task.declared)
+    if domain.leaves_open:
+        from executive.planning.mutex_groups import find_mutexes
+
+        rng = np.random.default_rng([config.seed, _START])
+        groups = find_mutexes(domain.parsed, timeout=config.patience).groups
+        for group in groups:
+            full = {atom for other in groups if true.intersection(other.atoms) for atom in other.atoms}
+            free = [atom for atom in group.atoms if atom not in full]
+            if free and true.isdisjoint(group.atoms):
+                true.add(free[int(rng.integers(len(free)))])
+    return frozenset(true)
+
+
+def load_skills(domain: Domain) -> Mapping[str, Skill]:
+    """Load each action's skill from the entry-point group `executive.skills`."""
+    points = {point.name: point for point in entry_points(group="executive.skills")}
+    return {action: points[skill].load() for action, skill in domain.skills.items()}
+
+
+def load_moves(domain: Domain) -> Mapping[str, Skill]:
+    """Load the skills that move the arm out of the cameras' view, in order, from the same entry-point group."""
+    points = {point.name: point for point in entry_points(group="executive.skills")}
+    return {name: points[name].load() for name in domain.looking.moves}
+
+
+def load_attention(domain: Domain, world: MujocoWorld, shown: Sequence[str] = ()) -> Attention:
+    """Build the domain's attention: which cameras show which atoms, of those in `shown`, if there are any.
+
+    Raises:
+        DomainError: the domain names a camera that the scene does not have.
+    """
+    looking, cameras = domain.looking, [camera.name for camera in world.spec.cameras]
+    for key, names in {"guard": looking.guard, **{f"closer.{name}": of for name, of in looking.closer.items()}}.items():
+        for name in names:
+            if name not in cameras:
+                message = f"the scene has no camera {name!r}; {nearest(name, cameras)}"
+                raise DomainError(message, file=domain.files[0], key=f"looking.{key}")
+    attention = Attention(looking.closer, looking.carried, looking.guard)
+    return attention.only(shown) if shown else attention
+
+
+def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
+    """Parse fault specifications, and check their names against the problem and its scene.
+
+    Raises:
+        InputError: a specification is malformed, or names something that the scene does not have.
+    """
+    from executive.sim.spec import read_scene
+
+    scene = read_scene(domain.scene)
+    items = [item.name for item in scene.items if item.name in domain.task.objects]
+    tables, cameras = ([thing.name for thing in things] for things in (scene.tables, scene.cameras))
+    return [_only_in(MUJOCO, parse_fault(spec, items, tables, cameras)) for spec in specs]
+
+
+def _only_in(world: str, fault: Fault) -> Fault:
+    """Return the fault, once it is clear that this world has it.
+
+    Raises:
+        InputError: it is one of the other world.
+    """
+    if fault.kind in (SYMBOLIC if world == MUJOCO else PHYSICAL):
+        other = SYMBOLIC_WORLD if world == MUJOCO else MUJOCO
+        raise InputError(f"fault {str(fault)!r}: only with --world {other}", key="--fault")
+    return fault
+
+
+def checked_stage(domain: Domain) -> InitialState:
+    """Return the problem's initial setting in the domain's scene, after checking that its predicates and :init are
+    meaningful there.
+
+    Raises:
+        DomainError: they are not.
+    """
+    from executive.sim.initial_state import read_initial_state
+    from executive.sim.relation_kinds import check_kinds, read_relation_kinds
+    from executive.sim.spec import read_scene
+
+    scene, task = read_scene(domain.scene).restricted_to(domain.task.objects, domain.scene), domain.task
+    manifest, problem = domain.files[0], domain.files[2]
+    kinds = read_relation_kinds(domain.relations, task.parameters, manifest)
+    check_kinds(kinds, task, scene, manifest)
+    return read_initial_state(domain.parsed.init, kinds, scene, problem)
+
+
+def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom, str]:
+    """Return the atoms that cannot be made true because an item is larger than the table, each with the reason.
+
+    Raises:
+        DomainError: no atom of the goal can be reached.
+    """
+    from executive.sim.initial_state import too_large
+
+    why = too_large(domain.task.atoms, truth.relation_kinds, world.shapes, world.spec)
+    goal = domain.task.goal
+    if goal.true and why.keys() >= goal.true and not goal.false:
+        world.close()
+        raise DomainError("; ".join(why[atom] for atom in sorted(goal.true)), file=domain.files[2], key=":goal")
+    return why
+
+
+def _simulator(
+    domain: Domain, config: RunConfig, faults: Sequence[Fault], first_observation: int, setting: InitialState
+) -> tuple[MujocoWorld, Truth]:
+    """Build the world in the state of the problem's :init, which the robot is not given."""
+    from executive.sim.initial_state import check_initial_state
+    from executive.sim.truth import Truth
+    from executive.sim.world import MujocoWorld
+
+    task = domain.task
+    world = MujocoWorld(
+        domain.scene,
+        task.objects,
+        seed=config.seed,
+        placed=setting.placed,
+        grasp_noise=config.grasp_noise,
+        home_pose=config.home_pose,
+        blockings=sum(fault.kind == "block" for fault in faults),
+        keep_trees=config.tree,
+        first_observation=first_observation,
+        barred=setting.barred,
+        held=setting.held,
+    )
+    truth = Truth(world, domain.relations, task.parameters, domain.files[0])
+    try:
+        check_initial_state(domain.parsed.init, truth.of, domain.files[2])
+    except DomainError:
+        world.close()
+        raise
+    return world, truth

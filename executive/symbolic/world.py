@@ -1,0 +1,191 @@
+"""The symbolic world: which atoms are true, and a clock.
+
+An action does what the domain says of it, where its precondition holds in truth; elsewhere it fails and changes
+nothing. There are no pictures: the world's sensor answers questions about atoms with probabilities, and is wrong as
+often as these say.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from executive.errors import InputError, nearest
+from executive.protocols import SkillContext
+from executive.types import Atom, Belief, Frame, Observation, Phase, Scenery, SkillResult, SkillStatus, Step
+
+ACTION_SECONDS = 1.0
+"""How long every action takes, in seconds of the world's clock."""
+
+_SENSOR = 2
+"""The stream of random numbers that the sensor's errors are drawn from, beside those of the faults and the skills."""
+
+NextAction: TypeAlias = "Callable[[Mapping[Atom, bool], np.random.Generator, Collection[str]], Step | None]"
+"""Draws an action that can be carried out in a state and is about all of some objects; None where there is none."""
+
+
+class SymbolicWorld:
+    """A world of atoms (see `executive.protocols.Simulator`).
+
+    Args:
+        atoms: the task's fluents.
+        true: those that hold at first.
+        next_action: draws what another agent does.
+        flip: how often the sensor says the opposite of what is so.
+        seed: fixes the sensor's errors.
+        first_observation: the number of the first observation.
+
+    Raises:
+        ValueError: the flip rate is not from 0 to less than 0.5.
+    """
+
+    items: tuple[str, ...] = ()
+    """Objects that can get lost. Here none can."""
+
+    def __init__(
+        self,
+        atoms: Sequence[Atom],
+        true: Iterable[Atom],
+        next_action: NextAction,
+        flip: float = 0.0,
+        seed: int = 0,
+        first_observation: int = 0,
+    ) -> None:
+        if not 0.0 <= flip < 0.5:
+            raise ValueError(f"flip: a share from 0 to less than 0.5 is expected, got {flip}")
+        holding = frozenset(true)
+        self._index = {atom: number for number, atom in enumerate(sorted(atoms))}
+        self._state = {atom: atom in holding for atom in self._index}
+        self._seen: tuple[int, Mapping[Atom, bool]] = (-1, {})
+        self._next_action, self._flip, self._seed = next_action, flip, seed
+        self._time, self._observations, self._ineffective = 0.0, first_observation, False
+        self._scheduled: list[tuple[float, Callable[[], None]]] = []
+
+    @property
+    def time(self) -> float:
+        return self._time
+
+    @property
+    def handle(self) -> Any:
+        return self.carry_out
+
+    @property
+    def state(self) -> Mapping[Atom, bool]:
+        """The truth of every fluent, which is for `executive.symbolic.truth` alone."""
+        return self._state
+
+    def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
+        number = self._observations
+        self._observations += 1
+        self._seen = number, dict(self._state)
+        return Observation(number, self._time, {}, np.zeros(0), cause)
+
+    def sense(self, observation: Observation, atoms: Iterable[Atom]) -> dict[Atom, float]:
+        """The sensor's answers at the moment of the last observation: the probability of each atom. An atom gets the
+        same answer as often as it is asked about at one moment, whatever else is asked.
+
+        Raises:
+            ValueError: it is another observation.
+        """
+        number, state = self._seen
+        if observation.id != number:
+            raise ValueError(f"the moment of observation {observation.id} is past")
+        chance = np.random.default_rng([self._seed, _SENSOR, number]).random(len(self._index))
+        yes, no = 1.0 - self._flip, self._flip
+        return {atom: yes if state[atom] == (chance[self._index[atom]] >= self._flip) else no for atom in atoms}
+
+    def stop(self) -> None:
+        """Nothing moves between actions."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def schedule(self, delay: float, action: Callable[[], None]) -> None:
+        self._scheduled.append((self._time + delay, action))
+        self._scheduled.sort(key=lambda entry: entry[0])
+
+    def scenery(self) -> Scenery:
+        return Scenery()
+
+    def watch(self, listener: Callable[[Frame], None] | None) -> None:
+        """Nothing has a pose."""
+
+    def snapshot(self) -> bytes:
+        true = [str(atom) for atom, value in self._state.items() if value]
+        return json.dumps({"time": self._time, "ineffective": self._ineffective, "true": true}).encode()
+
+    def restore(self, snapshot: bytes) -> None:
+        try:
+            said = json.loads(snapshot)
+            true = frozenset(map(Atom.parse, said["true"]))
+            time, ineffective = float(said["time"]), bool(said["ineffective"])
+        except (ValueError, TypeError, KeyError) as error:
+            raise InputError("is no snapshot of a symbolic world") from error
+        if unknown := true - self._state.keys():
+            raise InputError(f"is a snapshot of another task, with {min(unknown)}")
+        self._state = {atom: atom in true for atom in self._state}
+        self._time, self._ineffective = time, ineffective
+        self._scheduled.clear()
+
+    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
+        if kind == "no-effect":
+            self._ineffective = True
+            return "the next action has no effect"
+        if kind == "exogenous":
+            step = self._next_action(self._state, rng, tuple(arguments.values()))
+            if step is None:
+                return "another agent finds nothing to do"
+            self._change(step)
+            return f"another agent does {step}"
+        raise InputError(f"the symbolic world has no {kind!r}; {nearest(kind, ('no-effect', 'exogenous'))}")
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass, with all that is scheduled for it."""
+        until = self._time + seconds
+        while self._scheduled and self._scheduled[0][0] <= until:
+            self._time, action = self._scheduled.pop(0)
+            action()
+        self._time = until
+
+    def carry_out(self, step: Step, context: SkillContext) -> SkillResult:
+        """Do a step, which takes `ACTION_SECONDS`. One that has no effect reports that it is done: its skill does not
+        notice."""
+        context.announce(Phase("act", seconds=ACTION_SECONDS))
+        ineffective, self._ineffective = self._ineffective, False
+        if context.cancelled():
+            return SkillResult(step, SkillStatus.CANCELLED, "cancelled", 0.0, ACTION_SECONDS)
+        self.advance(ACTION_SECONDS)
+        if not self._possible(step):
+            reason = "its precondition does not hold"
+            return SkillResult(step, SkillStatus.NOT_APPLICABLE, reason, ACTION_SECONDS, ACTION_SECONDS)
+        if not ineffective:
+            self._change(step)
+        return SkillResult(step, SkillStatus.DONE, "", ACTION_SECONDS, ACTION_SECONDS)
+
+    def _possible(self, step: Step) -> bool:
+        return all(self._state[atom] is value for atom, value in step.preconditions.items())
+
+    def _change(self, step: Step) -> None:
+        self._state.update(step.effects)
+
+
+class SymbolicSkill:
+    """The one skill of the symbolic world: it carries out any action."""
+
+    def __call__(self, step: Step, context: SkillContext) -> SkillResult:
+        result: SkillResult = context.handle(step, context)
+        return result
+
+
+class SymbolicEstimator:
+    """The estimator that asks the world's sensor. Of the run it gets observations, and of the truth nothing."""
+
+    def __init__(self, world: SymbolicWorld, flip: float = 0.0) -> None:
+        self._world = world
+        self.name = f"oracle, {flip:.3g} flipped" if flip else "oracle"
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        return Belief(observation.id, self._world.sense(observation, atoms), source=self.name)
