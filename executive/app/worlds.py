@@ -98,10 +98,11 @@ class _Simulated:
         from executive.sim.truth import Oracle
 
         domain, config = self._domain, self._config
+        skills, moves = load_skills(domain), load_moves(domain)
         world, truth = _simulator(domain, config, self.faults, first_observation, self._initial)
         too_large = _too_large(domain, world, truth)
         attention = load_attention(domain, world, () if config.eye is None else config.eye.cameras)
-        return Stage(world, truth, Oracle(truth), load_skills(domain), load_moves(domain), attention, too_large)
+        return Stage(world, truth, Oracle(truth), skills, moves, attention, too_large)
 
 
 class _Symbolic:

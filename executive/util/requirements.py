@@ -11,7 +11,7 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires
 from importlib.util import find_spec
@@ -81,7 +81,7 @@ def require(simulator: bool = True) -> None:
     """
     if simulator:
         settle_renderer()
-    missing = check(simulator)
+    missing = check() if simulator else missing_packages(EVERYWHERE)
     if missing:
         commands = dict.fromkeys(entry.command for entry in missing)
         raise MissingError("; ".join(entry.what for entry in missing), command=" && ".join(commands))
@@ -95,14 +95,13 @@ def give_back_memory() -> None:
         trim(0)
 
 
-def check(simulator: bool = True) -> list[Missing]:
-    """Everything that is missing on this machine; empty when a run can start, in the simulator or without it."""
+def check() -> list[Missing]:
+    """Everything that is missing on this machine; empty when a run can start."""
     system = wrong_system(sys.platform, sys.version_info[:2])
     if system is not None:
         return [system]
-    packages = PACKAGES if simulator else {module: PACKAGES[module] for module in EVERYWHERE}
-    found = [*missing_packages(packages), *missing_parts(packages)]
-    if simulator and sys.platform == "linux":
+    found = [*missing_packages(), *missing_parts()]
+    if sys.platform == "linux":
         found += missing_libraries()
     return found
 
@@ -123,8 +122,9 @@ def wrong_system(name: str, python: Sequence[int]) -> Missing | None:
     return None
 
 
-def missing_packages(packages: Mapping[str, str] = PACKAGES) -> list[Missing]:
-    """Those of these Python packages that are not installed."""
+def missing_packages(needed: Collection[str] | None = None) -> list[Missing]:
+    """Those of `PACKAGES` that are not installed, or only those of them that are `needed`."""
+    packages = {module: name for module, name in PACKAGES.items() if needed is None or module in needed}
     missing = [name for module, name in packages.items() if find_spec(module) is None]
     if not missing:
         return []
@@ -137,13 +137,13 @@ def missing_packages(packages: Mapping[str, str] = PACKAGES) -> list[Missing]:
     return [Missing(what, _pip(*wanted))]
 
 
-def missing_parts(packages: Mapping[str, str] = PACKAGES) -> Iterator[Missing]:
-    """Files of these installed packages that a broken or partial installation may lack."""
+def missing_parts() -> Iterator[Missing]:
+    """Files of installed packages that a broken or partial installation may lack."""
     for module, part, what in (
         ("up_fast_downward", ENGINE, "Fast Downward's search engine"),
         ("robosuite", ROBOT, "robosuite's model of the UR5e"),
     ):
-        spec = find_spec(module) if module in packages else None
+        spec = find_spec(module)
         if spec is None or spec.origin is None:  # said by `missing_packages` already
             continue
         file = Path(spec.origin).parent / part

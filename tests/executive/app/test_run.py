@@ -177,7 +177,7 @@ def test_a_run_that_never_began_leaves_no_folder(tmp_path: Path, monkeypatch: py
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("executive.app.worlds.load_skills", interrupted)
+    monkeypatch.setattr("executive.app.run.FaultInjector", interrupted)
     with pytest.raises(KeyboardInterrupt):
         Run(RunConfig(str(GROCERY), problem="one-item", estimator="oracle", runs=tmp_path / "runs", viewer=False))
     assert list((tmp_path / "runs").iterdir()) == []
