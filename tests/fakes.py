@@ -27,6 +27,7 @@ from executive.protocols import FaultSource, Preparing, Skill, SkillContext
 from executive.types import (
     Atom,
     Belief,
+    DepthImage,
     Ended,
     Event,
     Facts,
@@ -153,6 +154,7 @@ class FakeWorld:
         self.missing = False  # the next grasp closes beside its thing
         self.past: dict[int, dict[str, str]] = {}  # what each observation could have shown
         self.cameras: dict[str, Callable[[FakeWorld], Image]] = {}
+        self.measured: dict[str, Callable[[FakeWorld], DepthImage]] = {}  # by those cameras that measure depth
         self.noisy = False  # whether these draw noise, as sensors do
         self._scheduled: list[tuple[float, Callable[[], None]]] = []
         self._listener: Callable[[Frame], None] | None = None
@@ -173,7 +175,8 @@ class FakeWorld:
         number = len(self.past)
         self.past[number] = dict(self.where)
         images = {name: draw(self) for name, draw in self.cameras.items() if cameras is None or name in cameras}
-        return Observation(number, self.now, images, np.zeros(1), cause, self.noisy)
+        depth = {name: measure(self) for name, measure in self.measured.items() if name in images}
+        return Observation(number, self.now, images, np.zeros(1), cause, self.noisy, depth)
 
     def stop(self) -> None:
         self.stopped += 1

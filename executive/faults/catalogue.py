@@ -106,6 +106,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
                     "shifted": "it was knocked: its pictures are shifted by 8 to 15 % of their width",
                     "noisy": "its pictures are noisy, each in its own way",
                     "dark": "its pictures are dark",
+                    "no-depth": "it measures no depth",
                 }
             ),
             keys={"amount": "; ".join(f"{way}: {meaning}" for way, meaning in SPOILED.items()), **_TIMES},

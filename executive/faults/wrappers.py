@@ -9,7 +9,7 @@ import time
 import zlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from executive.protocols import Asking, Estimator, Planner, Skill, SkillContext,
 from executive.types import (
     Atom,
     Belief,
+    DepthImage,
     Evidence,
     Facts,
     Frame,
@@ -35,6 +36,11 @@ from executive.types import (
     SkillStatus,
     Step,
 )
+
+Pixels = TypeVar("Pixels", Image, DepthImage)
+
+NO_DEPTH = "no-depth"
+"""The way in which a camera fails to measure depth, and shows its picture all the same."""
 
 DELAY = 2.0
 """The default delay of a slow estimator, in wall seconds."""
@@ -71,6 +77,7 @@ class _World:
     def __init__(self, world: World, faults: FaultInjector) -> None:
         self._world, self._faults = world, faults
         self._last: dict[str, Image] = {}
+        self._last_depth: dict[str, DepthImage] = {}
 
     @property
     def time(self) -> float:
@@ -82,15 +89,18 @@ class _World:
 
     def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
         observation = self._world.observe(cause, cameras)
-        images = dict(observation.images)
+        images, depth = dict(observation.images), dict(observation.depth)
         for place, fault in self._faults.felt("camera"):
-            hit = [camera for camera in images if fault.camera in (None, camera)]
+            hit = [camera for camera in (depth if fault.way == NO_DEPTH else images) if fault.camera in (None, camera)]
             for camera in hit:
-                images[camera] = self._changed(place, fault, camera, images[camera])
+                images[camera], measured = self._changed(place, fault, camera, images[camera], depth.pop(camera, None))
+                if measured is not None:
+                    depth[camera] = measured
             if hit:
                 self._faults.bite(place, f"{', '.join(hit)}: {fault.way}")
         self._last.update(images)
-        return replace(observation, images=images)
+        self._last_depth.update(depth)
+        return replace(observation, images=images, depth=depth)
 
     def stop(self) -> None:
         self._world.stop()
@@ -104,23 +114,29 @@ class _World:
     def watch(self, listener: Callable[[Frame], None] | None) -> None:
         self._world.watch(listener)
 
-    def _changed(self, place: int, fault: Fault, camera: str, image: Image) -> Image:
+    def _changed(
+        self, place: int, fault: Fault, camera: str, image: Image, depth: DepthImage | None
+    ) -> tuple[Image, DepthImage | None]:
+        """What a camera shows and measures with a fault; None is no depth."""
         match fault.way:
             case "black":
-                return np.zeros_like(image)
+                return np.zeros_like(image), None
             case "frozen":
-                return self._last.get(camera, image)
+                return self._last.get(camera, image), None if depth is None else self._last_depth.get(camera, depth)
             case "shifted":
-                return _shifted(image, self._faults.chance(place))
+                chance = self._faults.chance(place)
+                length, angle = image.shape[1] * chance.uniform(*_SHIFT), chance.uniform(-np.pi, np.pi)
+                by = round(length * np.sin(angle)), round(length * np.cos(angle))
+                return _shifted(image, *by), None if depth is None else _shifted(depth, *by)
+            case way if way == NO_DEPTH:
+                return image, None
             case way:
                 chance = self._faults.drawn(place, zlib.crc32(camera.encode()))
-                return spoiled(image, way, fault.amount, chance)
+                return spoiled(image, way, fault.amount, chance), depth
 
 
-def _shifted(image: Image, chance: np.random.Generator) -> Image:
-    """Shifts a picture in a random direction, with black at the border."""
-    length, angle = image.shape[1] * chance.uniform(*_SHIFT), chance.uniform(-np.pi, np.pi)
-    down, right = round(length * np.sin(angle)), round(length * np.cos(angle))
+def _shifted(image: Pixels, down: int, right: int) -> Pixels:
+    """Shifts a picture, with black at the border."""
     moved = np.zeros_like(image)
     height, width = image.shape[:2]
     moved[max(0, down) : height + min(0, down), max(0, right) : width + min(0, right)] = image[

@@ -10,7 +10,7 @@ import numpy as np
 
 from executive.sim import scene
 from executive.sim.spec import CameraSpec
-from executive.types import Image
+from executive.types import FloatArray, Image
 from executive.util.native_libraries import keep_triton_apart
 from executive.util.requirements import cannot_draw
 
@@ -52,6 +52,15 @@ class Drawing:
     def picture(self, data: mujoco.MjData, camera: CameraSpec) -> Image:
         """What a camera sees of `data`, (H, W, 3) uint8."""
         return np.array(self.prepared(data, camera).render())
+
+    def depth(self, data: mujoco.MjData, camera: CameraSpec) -> FloatArray:
+        """How far what a camera sees of `data` is along its optical axis, (H, W) in m, without any error."""
+        renderer = self.prepared(data, camera)
+        renderer.enable_depth_rendering()
+        try:
+            return np.array(renderer.render(), dtype=float)
+        finally:
+            renderer.disable_depth_rendering()
 
     def prepared(self, data: mujoco.MjData, camera: CameraSpec) -> mujoco.Renderer:
         """The renderer for a camera's size, ready to draw what the camera sees: visuals and items, no helpers."""

@@ -92,7 +92,7 @@ class ItemSpec(_Strict):
 
 
 class CameraSpec(_Strict):
-    """A fixed camera at `position` that looks at `target`."""
+    """A fixed camera at `position` that looks at `target`. With `depth` it measures depth, too."""
 
     name: Name
     position: Vec3
@@ -100,6 +100,10 @@ class CameraSpec(_Strict):
     fovy_degrees: Annotated[float, Field(gt=1, lt=150)] = 45.0
     width: Annotated[int, Field(ge=16, le=4096)] = 384
     height: Annotated[int, Field(ge=16, le=4096)] = 384
+    depth: bool = False
+    depth_noise: Annotated[float, Field(ge=0, le=0.1)] = 0.002
+    """Standard deviation of a depth measurement at 1 m, in m; it grows with the square of the distance. 0 turns the
+    whole noise model off, dropouts and quantisation with it."""
 
     @model_validator(mode="after")
     def _looks_somewhere(self) -> Self:

@@ -15,12 +15,12 @@ import mujoco
 import numpy as np
 
 from executive.errors import DomainError, InputError
-from executive.sim import disturbances, placement, scene
+from executive.sim import depth_sensor, disturbances, placement, scene
 from executive.sim import viewer_geometry as scenery
 from executive.sim.rendering import Drawing, sensed
 from executive.sim.robot_api import ArmLimits, Handle
 from executive.sim.spec import SceneSpec, read_scene
-from executive.types import FloatArray, Frame, Image, Observation, Scenery
+from executive.types import DepthImage, FloatArray, Frame, Image, Observation, Scenery
 from executive.util.files import parse_arrays
 
 CONTROL_PERIOD = 0.008
@@ -62,6 +62,7 @@ class MujocoWorld:
         blockings: how often a table is going to be blocked; that many times the boxes for it wait out of sight.
         keep_trees: whether skills report the search trees of their motions.
         first_observation: the number of the first look.
+        depth: whether looks have the depth pictures of the cameras that measure depth.
 
     Raises:
         DomainError: the scene file is wrong, an object has no body, the items find no place, or the hand cannot hold
@@ -82,6 +83,7 @@ class MujocoWorld:
         first_observation: int = 0,
         barred: Mapping[str, Collection[str]] = MappingProxyType({}),
         held: str | None = None,
+        depth: bool = False,
     ) -> None:
         spec = read_scene(file).restricted_to(objects, file)
         self.items = tuple(item.name for item in spec.items)
@@ -94,7 +96,7 @@ class MujocoWorld:
         self._placement_rng, self._noise_rng = (
             np.random.default_rng(child) for child in np.random.SeedSequence([seed, 0x5EED]).spawn(2)
         )
-        self._seed, self._grasp_noise = seed, grasp_noise
+        self._seed, self._grasp_noise, self._depth = seed, grasp_noise, depth
         self._misplaced: FloatArray | None = None
         self._forced_open_until = -1.0
         self._scheduled: list[tuple[float, int, Callable[[], None]]] = []
@@ -137,7 +139,22 @@ class MujocoWorld:
         names = [camera.name for camera in self.spec.cameras if cameras is None or camera.name in cameras]
         number = next(self._observations)
         images = {name: sensed(self.render(name), [self._seed, number, at]) for at, name in enumerate(names)}
-        return Observation(number, self.time, images, self.joints(), cause, noisy=True)
+        depth = self.measure_depth(images) if self._depth else {}
+        return Observation(number, self.time, images, self.joints(), cause, noisy=True, depth=depth)
+
+    def measure_depth(self, images: Mapping[str, Image]) -> dict[str, DepthImage]:
+        """What the cameras among those of `images` that measure depth measure now, in mm, with their sensors' noise.
+
+        The noise is drawn by seed, time and camera, from nothing that anything else is drawn from.
+        """
+        mujoco.mj_forward(self.model, self.data)
+        when, found = round(1e6 * self.time), {}
+        for at, camera in enumerate(self.spec.cameras):
+            if camera.depth and camera.name in images:
+                rng = np.random.default_rng([self._seed, 0xDE, when, at])
+                exact = self.drawing.depth(self.data, camera)
+                found[camera.name] = depth_sensor.measured(exact, images[camera.name], camera, rng)
+        return found
 
     def stop(self) -> None:
         """The servos hold the arm where it was last commanded to be, and time only passes while a skill drives it."""

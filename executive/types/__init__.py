@@ -7,7 +7,7 @@ An *atom* is a grounded predicate, *facts* are signed atoms, a *belief* has a pr
 from executive.types.actions import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
 from executive.types.decisions import Decision, DecisionKind, Ground, OutcomeKind
 from executive.types.events import Compared, Ended, Event, FaultInjected, Payload, Resumed, Revised, Started, Timing
-from executive.types.facts import Atom, Facts, FloatArray, Image
+from executive.types.facts import Atom, DepthImage, Facts, FloatArray, Image
 from executive.types.observations import (
     Belief,
     Blinded,
@@ -36,6 +36,7 @@ __all__ = [
     "Contradiction",
     "Decision",
     "DecisionKind",
+    "DepthImage",
     "Dispatched",
     "Ended",
     "Event",

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 Image: TypeAlias = npt.NDArray[np.uint8]
+DepthImage: TypeAlias = npt.NDArray[np.uint16]
 _NAME = r"[A-Za-z][A-Za-z0-9_\-]*"
 _ATOM = re.compile(rf"\s*({_NAME})\s*(?:\(\s*((?:{_NAME}(?:\s*,\s*{_NAME})*)?)\s*\))?\s*")
 

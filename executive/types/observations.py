@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from executive.types.facts import Atom, Facts, FloatArray, Image
+from executive.types.facts import Atom, DepthImage, Facts, FloatArray, Image
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,7 +19,9 @@ class Observation:
 
     `images` maps a camera's name to an (H, W, 3) uint8 RGB picture; `joints` are the arm's joint positions in rad;
     `time` is the world's clock in seconds; `cause` is why the look was taken (only for the trace). `noisy` says that
-    the pictures have sensor noise, so that two identical pictures are one frozen picture.
+    the pictures have sensor noise, so that two identical pictures are one frozen picture. `depth` maps the name
+    of a camera that measures depth to an (H, W) uint16 picture of the same view: the distance along the optical axis in
+    mm, 0 where nothing was measured.
     """
 
     id: int
@@ -28,11 +30,15 @@ class Observation:
     joints: FloatArray
     cause: str = ""
     noisy: bool = False
+    depth: Mapping[str, DepthImage] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for camera, image in self.images.items():
             if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
                 raise ValueError(f"camera {camera!r}: expected (H, W, 3) uint8, got {image.shape} {image.dtype}")
+        for camera, depth in self.depth.items():
+            if depth.ndim != 2 or depth.dtype != np.uint16:
+                raise ValueError(f"camera {camera!r}: expected depth (H, W) uint16, got {depth.shape} {depth.dtype}")
 
 
 @dataclass(frozen=True, slots=True)

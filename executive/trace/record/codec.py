@@ -149,6 +149,7 @@ _LEAVES: Mapping[Any, Callable[[JsonValue], Any]] = {
     Facts: lambda data: Facts.parse(*(_expect(str, "a literal", item) for item in _expect(list, "a list", data))),
     values.FloatArray: _array,
     values.Image: _picture,
+    values.DepthImage: _picture,
 }
 
 

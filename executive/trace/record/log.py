@@ -19,24 +19,37 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import quote
 
 import numpy as np
 
 from executive.errors import InputError, nearest
 from executive.trace.record.codec import RECORDED, JsonValue, decode, encode
-from executive.trace.record.pictures import read_picture, to_jpeg
-from executive.types import Decision, Ended, Event, Image, Motion, Observation, OutcomeKind, Resumed, Started
+from executive.trace.record.pictures import depth_to_png, read_depth, read_picture, to_jpeg
+from executive.types import (
+    Decision,
+    DepthImage,
+    Ended,
+    Event,
+    Image,
+    Motion,
+    Observation,
+    OutcomeKind,
+    Resumed,
+    Started,
+)
 from executive.util.files import parse_json, reason
 
 FORMAT = 1
 EVENTS_FILE = "events.jsonl"
 IMAGES_FOLDER = "images"
+DEPTH_FOLDER = "depth"
 MOTION_POINTS = 64
 _ROOM, _LAST_EVENTS = ".room", 1 << 18
 """The file that keeps room, and its bytes."""
 _DECISIVE = (Started, Resumed, Decision, Ended)
+Picture = TypeVar("Picture", Image, DepthImage)
 _AGES = 1e9
 """Seconds: thirty years."""
 _STAMPS = {"cycle": int, "time": float, "wall": float}
@@ -107,9 +120,7 @@ class EventLog:
         if isinstance(payload, Motion):
             data = encode(_thinned(payload))
         elif isinstance(payload, Observation):
-            shown = {} if self._complained else payload.images
-            names = {camera: self._save(payload.id, camera, image) for camera, image in shown.items()}
-            data = encode(replace(payload, images={})) | {"images": names}
+            data = self._without_pictures(payload)
         else:
             data = encode(payload)
         stamps = {stamp: encode(getattr(event, stamp)) for stamp in _STAMPS}
@@ -117,6 +128,21 @@ class EventLog:
         self._append(json.dumps(record, allow_nan=False) + "\n")
         if isinstance(payload, _DECISIVE):
             os.fdatasync(self._file)
+
+    def _without_pictures(self, look: Observation) -> dict[str, JsonValue]:
+        """An observation with the names of the files, which are written, in place of its pictures."""
+        images = {} if self._complained else look.images
+        depth = {} if self._complained else look.depth
+        data: dict[str, JsonValue] = encode(replace(look, images={}, depth={}))
+        data["images"] = {
+            camera: self._save(picture_name(look.id, camera), to_jpeg(image)) for camera, image in images.items()
+        }
+        data["depth"] = {
+            camera: self._save(depth_name(look.id, camera), depth_to_png(image)) for camera, image in depth.items()
+        }
+        if not data["depth"]:
+            del data["depth"]  # most runs measure none
+        return data
 
     def _keep_room(self) -> None:
         """Take up what the last events need, to have it when nothing else is left."""
@@ -140,15 +166,21 @@ class EventLog:
             raise
         self._size += len(data)
 
-    def _save(self, observation: int, camera: str, image: Image) -> str:
-        name = picture_name(observation, camera)
-        (self._run / name).write_bytes(to_jpeg(image))
+    def _save(self, name: str, data: bytes) -> str:
+        file = self._run / name
+        file.parent.mkdir(exist_ok=True)
+        file.write_bytes(data)
         return name
 
 
 def picture_name(observation: int, camera: str) -> str:
     """Where in a run's folder a camera's picture of an observation lies."""
     return f"{IMAGES_FOLDER}/{observation:04d}-{quote(camera, safe='')}.jpg"
+
+
+def depth_name(observation: int, camera: str) -> str:
+    """Where in a run's folder a camera's depth picture of an observation lies."""
+    return f"{DEPTH_FOLDER}/{observation:04d}-{quote(camera, safe='')}.png"
 
 
 def read_events(run: Path | str, images: bool = True) -> Iterator[Event]:
@@ -188,13 +220,15 @@ def _event(line: bytes, folder: Path, images: bool) -> Event:
         raise ValueError(f"unknown event type {record.get('type')!r}; {nearest(str(record.get('type')), RECORDED)}")
     data = record.get("data")
     pictures: Mapping[str, Image] = {}
+    depth: Mapping[str, DepthImage] = {}
     if kind is Observation and isinstance(data, dict):
         if images:
-            pictures = _pictures(data.get("images", {}), folder)
-        data = {**data, "images": {}}
+            pictures = _pictures("images", data.get("images", {}), IMAGES_FOLDER, folder, read_picture)
+            depth = _pictures("depth", data.get("depth", {}), DEPTH_FOLDER, folder, read_depth)
+        data = {**data, "images": {}, "depth": {}}
     payload = decode(kind, data)
-    if pictures:
-        payload = replace(payload, images=pictures)
+    if pictures or depth:
+        payload = replace(payload, images=pictures, depth=depth)
     cycle, time, wall = (decode(hint, record.get(stamp)) for stamp, hint in _STAMPS.items())
     if not (abs(time) < _AGES and abs(wall) < _AGES):
         raise ValueError(f"no run has events at {time} s, or after {wall} s")
@@ -225,16 +259,18 @@ def _record(line: bytes) -> dict[str, Any]:
     return dict(record)
 
 
-def _pictures(stored: JsonValue, folder: Path) -> dict[str, Image]:
+def _pictures(
+    field: str, stored: JsonValue, pictures: str, folder: Path, read: Callable[[Path], Picture]
+) -> dict[str, Picture]:
     if not isinstance(stored, dict):
-        raise ValueError("images: expected an object")
-    pictures = {}
+        raise ValueError(f"{field}: expected an object")
+    found = {}
     for camera, name in stored.items():
         # A record comes from anywhere; it may name pictures in its own folder and no other file.
-        if not isinstance(name, str) or not name.startswith(f"{IMAGES_FOLDER}/") or name.count("/") != 1:
-            raise ValueError(f"images: {camera}: {str(name)[:60]!r} is not a file in {IMAGES_FOLDER}/")
-        pictures[camera] = read_picture(folder / name)
-    return pictures
+        if not isinstance(name, str) or not name.startswith(f"{pictures}/") or name.count("/") != 1:
+            raise ValueError(f"{field}: {camera}: {str(name)[:60]!r} is not a file in {pictures}/")
+        found[camera] = read(folder / name)
+    return found
 
 
 def _thinned(motion: Motion) -> Motion:

@@ -104,6 +104,9 @@ class Scene:
             self._sizes[plain(name)] = image.shape[1], image.shape[0]
             picture = rr.EncodedImage(contents=to_jpeg(image), media_type="image/jpeg")
             self._record.log(_camera(name), picture)
+        for name, depth in observation.depth.items():
+            # Beside the picture, so that either can be looked at; in space, under the camera, it is a cloud of points.
+            self._record.log([*_camera(name), "depth"], rr.DepthImage(depth, meter=1000.0))
 
     def show_look(self, look: LookLine, seen_in: Mapping[str, int], blinded: Mapping[str, str]) -> None:
         """Which cameras took part in a look: a frame around their pictures, and a word where a picture is an old one or

@@ -35,6 +35,7 @@ from executive.types import (
     Atom,
     Belief,
     Blinded,
+    DepthImage,
     Dispatched,
     Ended,
     Facts,
@@ -171,7 +172,7 @@ def test_the_catalogues_examples_are_faults(name: str) -> None:
         ("camera:black@0-3-4", "counted from 1 (0: before the first one)"),
         ("drop:grasp,release@4", "both 'grasp' and 'release'"),
         ("drop:grasp=1@4", "no argument 'grasp'"),
-        ("camera@4", "say how: black, frozen, blurred, shifted, noisy, dark"),
+        ("camera@4", "say how: black, frozen, blurred, shifted, noisy, dark, no-depth"),
         ("camera:dark,amount=1.5@4", "a number up to 1 (share of the light"),
         ("camera:black,amount=1@4", "amount goes with blurred, noisy, dark"),
         ("camera:front=blak@4", "a camera is no 'blak', did you mean 'black'?"),
@@ -376,7 +377,7 @@ def injected(stage: Stage) -> list[tuple[str, int]]:
     return [(fault.spec, fault.action) for fault in stage.recorder.of(FaultInjected)]
 
 
-@pytest.mark.parametrize("way", KINDS["camera"].ways)
+@pytest.mark.parametrize("way", [way for way in KINDS["camera"].ways if way != "no-depth"])
 def test_a_camera_fails_in_its_span_and_no_longer(way: str) -> None:
     world = FakeWorld({"a": "p"}, ["p"])
     world.cameras = {"front": seen, "side": seen}
@@ -419,6 +420,50 @@ def test_a_camera_fails_in_its_span_and_no_longer(way: str) -> None:
             ]
             assert len(offsets) == 1
             assert 0.07 * 60 <= np.hypot(*offsets[0]) <= 0.16 * 60
+
+
+def rising(world: FakeWorld) -> DepthImage:
+    """The distances of a wall that stands askew, and recedes as time passes."""
+    return np.add.outer(np.arange(40), 500 + 10 * np.arange(60)).astype(np.uint16) + np.uint16(world.time)
+
+
+@pytest.mark.parametrize("way", KINDS["camera"].ways)
+def test_depth_fails_with_its_camera(way: str) -> None:
+    world = FakeWorld({"a": "p"}, ["p"])
+    world.cameras = {"front": seen, "side": seen}
+    world.measured = {"front": rising}
+    faults = FaultInjector([parse_fault(f"camera:{way}@1")], world)
+    faults.begin(lambda _: None)
+    through = faulty_world(world, faults)
+    before = through.observe().depth["front"]
+    world.advance(3.0)
+    faults.before_action(1, pick("a", "p"))
+    now = through.observe().depth
+    if way in ("black", "no-depth"):
+        assert not now
+    elif way == "frozen":
+        assert np.array_equal(now["front"], before)
+    elif way == "shifted":
+        lost = (now["front"] == 0).mean()
+        assert 0.05 < lost < 0.4, "what is past the border is not measured"
+    else:
+        assert np.array_equal(now["front"], rising(world)), "only the picture is spoiled"
+    world.advance(3.0)
+    faults.before_action(2, pick("a", "p"))
+    assert np.array_equal(through.observe().depth["front"], rising(world))
+
+
+def test_a_camera_that_measures_no_depth_shows_its_picture_and_is_reported_where_it_measured_any() -> None:
+    world = FakeWorld({"a": "p"}, ["p"])
+    world.cameras = {"front": seen, "side": seen}
+    world.measured = {"front": rising}
+    reports: list[FaultInjected] = []
+    faults = FaultInjector([parse_fault("camera:no-depth@0")], world)
+    faults.begin(reports.append)
+    look = faulty_world(world, faults).observe()
+    assert np.array_equal(look.images["front"], seen(world))
+    assert not look.depth
+    assert [report.detail for report in reports] == ["front: no-depth"]
 
 
 def test_a_run_that_sees_through_another_camera_or_through_none() -> None:

@@ -91,7 +91,9 @@ def observations(draw: st.DrawFn) -> Observation:
     shape = draw(st.tuples(st.integers(1, 20), st.integers(1, 20), st.just(3)))
     shade = draw(st.integers(0, 255))
     images = {camera: np.full(shape, shade, np.uint8) for camera in draw(st.lists(texts, unique=True, max_size=2))}
-    return Observation(draw(counts), draw(seconds), images, draw(numbers(6)), draw(texts))
+    reach = draw(st.integers(0, 65535))
+    depth = {camera: np.full(shape[:2], reach, np.uint16) for camera in images if draw(st.booleans())}
+    return Observation(draw(counts), draw(seconds), images, draw(numbers(6)), draw(texts), depth=depth)
 
 
 @st.composite

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from executive.errors import InputError
 from executive.trace.record.log import EVENTS_FILE, MOTION_POINTS, EventLog, read_events
+from executive.trace.record.pictures import to_jpeg
 from executive.types import Event, Frame, Motion, Observation, Phase, Scenery, Timing
 from tests.executive.trace.strategies import RECORDED, events, same
 from tests.executive.trace.synthetic import synthetic_events
@@ -72,6 +73,32 @@ def test_a_whole_run_comes_back(tmp_path: Path) -> None:
     for look, picture in zip(looks, pictures, strict=True):
         for camera, image in picture.images.items():
             assert np.abs(look.images[camera].astype(float) - image).mean() < 4, "a JPEG of quality 90 is close"
+
+
+def test_depth_is_kept_to_the_millimetre_in_files_of_its_own(tmp_path: Path) -> None:
+    depth = np.arange(24 * 32, dtype=np.uint16).reshape(24, 32) * np.uint16(85)
+    images = {"front": np.zeros((24, 32, 3), np.uint8)}
+    with_depth = Observation(0, 0.0, images, np.zeros(6), depth={"front": depth})
+    record(tmp_path, [Event(0, 0.0, 0.0, with_depth), Event(0, 0.0, 0.0, Observation(1, 0.0, images, np.zeros(6)))])
+    assert [file.name for file in (tmp_path / "depth").iterdir()] == ["0000-front.png"]
+    first, second = (event.payload for event in read_events(tmp_path))
+    assert isinstance(first, Observation)
+    assert isinstance(second, Observation)
+    assert np.array_equal(first.depth["front"], depth)
+    assert not second.depth
+    plain = json.loads((tmp_path / EVENTS_FILE).read_text().splitlines()[1])
+    assert "depth" not in plain["data"], "a record without depth is what it was before there was any"
+    (tmp_path / "depth" / "0000-front.png").write_bytes(to_jpeg(images["front"]))
+    with pytest.raises(InputError, match=r"0000-front\.png: not a readable picture \(not a PNG\)"):
+        list(read_events(tmp_path))
+
+
+@pytest.mark.parametrize("name", ["../secret", "images/0000-front.png", "depth/../x", 3])
+def test_depth_is_read_from_its_folder_alone(tmp_path: Path, name: object) -> None:
+    data = {"id": 0, "time": 0, "images": {}, "depth": {"front": name}, "joints": []}
+    (tmp_path / EVENTS_FILE).write_text(line(type="Observation", data=data) + "\n")
+    with pytest.raises(InputError, match=r"depth: front: .* is not a file in depth/"):
+        list(read_events(tmp_path))
 
 
 def test_without_pictures_none_is_opened(tmp_path: Path) -> None:

@@ -13,7 +13,14 @@ from PIL import Image as Picture
 
 from executive.errors import InputError
 from executive.trace.record import pictures
-from executive.trace.record.pictures import from_jpeg, read_picture, to_jpeg
+from executive.trace.record.pictures import (
+    depth_from_png,
+    depth_to_png,
+    from_jpeg,
+    read_depth,
+    read_picture,
+    to_jpeg,
+)
 
 SHADES = np.linspace(0, 255, 24 * 32 * 3).astype(np.uint8).reshape(24, 32, 3)
 EPS = b"""%!PS-Adobe-3.0 EPSF-3.0
@@ -79,3 +86,35 @@ def test_neither_is_one_that_pillow_itself_refuses(monkeypatch: pytest.MonkeyPat
 def test_a_picture_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"b\.jpg: there is no such file"):
         read_picture(tmp_path / "b.jpg")
+
+
+DEPTHS = np.arange(24 * 32, dtype=np.uint16).reshape(24, 32) * np.uint16(85)
+
+
+def test_depth_is_read_back_exactly(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(depth_to_png(DEPTHS))
+    back = read_depth(tmp_path / "a.png")
+    assert back.dtype == np.uint16
+    assert np.array_equal(back, DEPTHS)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 700), st.binary(max_size=4), st.integers(0, 900))
+def test_whatever_else_is_given_as_depth_is_read_or_one_line(at: int, wrong: bytes, length: int) -> None:
+    whole = depth_to_png(DEPTHS)
+    try:
+        depth = depth_from_png((whole[:at] + wrong + whole[at + len(wrong) :])[:length])
+    except ValueError as error:
+        line = str(error)
+    else:
+        line = ""
+        assert depth.ndim == 2
+        assert depth.dtype == np.uint16
+    assert "\n" not in line
+
+
+def test_a_picture_of_8_bits_is_no_depth() -> None:
+    buffer = io.BytesIO()
+    Picture.fromarray(SHADES).save(buffer, "PNG")
+    with pytest.raises(ValueError, match="16 bits"):
+        depth_from_png(buffer.getvalue())
