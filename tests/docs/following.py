@@ -32,7 +32,7 @@ DOCS = ROOT / "docs"
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.rglob("*.md"), ROOT / "runs" / "README.md"])
 """Every page that people read."""
 
-FOLLOWED = ("tutorials/domain.md", "how-to/own-model.md", "how-to/own-world.md")
+FOLLOWED = ("tutorials/domain.md", "how-to/own-model.md", "how-to/own-world.md", "how-to/symbolic-world.md")
 """The pages of docs/ that are followed from beginning to end, in one folder; elsewhere each block stands alone."""
 
 LANGUAGES = frozenset({"", "markdown", "pddl", "python", "sh", "text", "toml"})

@@ -64,3 +64,10 @@ def test_a_model_of_ones_own(clone: Path, server: str) -> None:
 
 def test_a_world_of_ones_own(clone: Path) -> None:
     follow("how-to/own-world.md", clone)
+
+
+@pytest.mark.timeout(600)
+def test_a_domain_before_there_is_a_robot(clone: Path) -> None:
+    here = follow("how-to/symbolic-world.md", clone).here
+    assert (here / "run.png").stat().st_size > 10_000
+    assert len(list((here / "runs").iterdir())) == 2
