@@ -22,7 +22,7 @@ from executive.app.config import RunConfig
 from executive.app.run import Run
 from executive.domain.loader import load_domain
 from executive.errors import DomainError
-from executive.types import OutcomeKind
+from executive.types import Ended, Event, OutcomeKind
 
 FLUENTS, LARGER = 1_000, 10
 """Tasks with up to so many fluent atoms are played, and so many larger ones."""
@@ -39,7 +39,7 @@ def tasks(folder: Path) -> Iterator[dict[str, Any]]:
     for line in (folder / "accepted.jsonl").read_text(encoding="utf-8").splitlines():
         task = json.loads(line)
         name = f"{task['domain'].split('/')[0]}/{Path(task['problem']).stem}"
-        entry = {"task": name, "length": task["status"] if isinstance(task["status"], int) else None}
+        entry: dict[str, Any] = {"task": name, "length": task["status"] if isinstance(task["status"], int) else None}
         entry |= {"domain": str(folder / task["domain"]), "problem": str(folder / task["problem"])}
         try:
             fluents = len(load_domain(entry["domain"], entry["problem"]).task.atoms)
@@ -74,11 +74,12 @@ def play(entry: dict[str, Any], seed: int, arguments: argparse.Namespace) -> dic
             viewer=False,
         )
         try:
-            with Run(config) as run:
+            ends = _Ends()
+            with Run(config, [ends]) as run:
                 ready = time.monotonic() - began
                 summary = run.execute()
                 settings = config.settings()
-                last = run.executive.run_state
+                state = run.executive.run_state
         except Exception as error:  # what it is, is what is to be found out
             return {**row, "outcome": "failed", "error": f"{type(error).__name__}: {error}", "seconds": _since(began)}
     used = {
@@ -91,16 +92,30 @@ def play(entry: dict[str, Any], seed: int, arguments: argparse.Namespace) -> dic
     return {
         **row,
         "outcome": summary["outcome"],
+        "reason": ends.reason,
         "goal_true": bool(summary["goal_true"]),
-        **{name: summary[name] for name in ("cycles", "actions", "replans", "looks")},  # type: ignore[literal-required]
+        **{name: summary[name] for name in ("cycles", "actions", "replans", "looks")},
         "questions": summary["looking"]["questions"],
         "overrun": [name for name, share in used.items() if share > OVERRUN],
         "groups": len(getattr(getattr(run.monitor, "network", None), "groups", ())),
-        "given_up": last.given_up_why,
+        "given_up": state.given_up_why,
         "ready": round(ready, 2),
         "wall": summary["wall_seconds"],
         "seconds": _since(began),
     }
+
+
+class _Ends:
+    """A sink that keeps why the run ended."""
+
+    reason = ""
+
+    def write(self, event: Event) -> None:
+        if isinstance(event.payload, Ended):
+            self.reason = event.payload.reason
+
+    def close(self) -> None:
+        """Nothing is open."""
 
 
 def _since(began: float) -> float:
