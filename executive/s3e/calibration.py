@@ -4,6 +4,10 @@ A correction is two numbers: log-odds are multiplied by a slope and shifted by a
 scaling (Guo et al. 2017; the slope is 1 / temperature), both are Platt scaling (Platt 1999, whose softened targets keep
 the fit finite where few or perfectly separated examples would not). Predicates with few examples of the rarer truth
 value are shrunk towards the correction that all predicates share.
+
+A correction has to earn its place: models that are right already get worse by one. Where it is known which looks belong
+together (those of a problem, of an episode), a predicate keeps its correction only if probabilities of looks that it
+was not fitted on come out better (cross-validation by what belongs together, as looks of one problem are alike).
 """
 
 from __future__ import annotations
@@ -11,7 +15,8 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping
+import random
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
@@ -19,8 +24,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from executive.errors import InputError, nearest
+from executive.s3e.reliability import expected_calibration_error, pairs
 from executive.types import Atom, Belief, FloatArray
 from executive.util.atomic_write import write_atomic
 from executive.util.files import read_json
@@ -86,6 +93,13 @@ class Calibration:
     def __call__(self, atom: Atom, probability: float) -> float:
         return self.predicates.get(atom.predicate, self.shared)(probability)
 
+    def corrected(self, data: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Return corrected probabilities, (N,), of (N, 3) log-odds, labels, and numbers of predicates in `names`."""
+        scalings = [self.predicates.get(name, self.shared) for name in names]
+        number = data[:, 2].astype(int)
+        slope, bias = (np.array([getattr(each, key) for each in scalings]) for key in ("slope", "bias"))
+        return _sigmoids(slope[number] * data[:, 0] + bias[number])
+
     def apply(self, belief: Belief) -> Belief:
         """Return the belief with corrected probabilities, and the same evidence and unanswered atoms."""
         corrected = {atom: self(atom, probability) for atom, probability in belief.probability.items()}
@@ -149,28 +163,123 @@ class Calibration:
 
 
 def fit(
-    looks: Iterable[tuple[Belief, Mapping[Atom, bool]]], method: Method | str = Method.PLATT, model: str = ""
+    looks: Iterable[tuple[Belief, Mapping[Atom, bool]]],
+    method: Method | str = Method.PLATT,
+    model: str = "",
+    units: Sequence[Hashable] = (),
 ) -> Calibration:
     """Learn from labelled looks: what was believed (without calibration), and the truth. Atoms without a probability or
     a label do not count.
 
+    Args:
+        units: what each look belongs to; with at least `FOLDS` of them, corrections are adopted only where looks of
+            other units come out better by them, and all of them only if they do so together.
+
     Raises:
         InputError: no atom has both.
+        ValueError: there are units, but not one for each look.
     """
     method = Method(method)
-    seen: dict[str, list[tuple[float, bool]]] = {}
-    source = ""
-    for belief, truth in looks:
+    source, rows = "", list[tuple[float, bool, str, Hashable]]()
+    looks = list(looks)
+    for (belief, truth), unit in zip(looks, units or [0] * len(looks), strict=True):
         source = source or belief.source
         for atom, probability in belief.probability.items():
             if atom in truth:
-                seen.setdefault(atom.predicate, []).append((_logit(probability), truth[atom]))
-    if not seen:
+                rows.append((_logit(probability), truth[atom], atom.predicate, unit))
+    if not rows:
         raise InputError("there is nothing to learn from: no atom has both a probability and a label")
-    data = {predicate: np.array(pairs, dtype=np.float64) for predicate, pairs in sorted(seen.items())}
-    shared = _fit(np.concatenate(list(data.values())), method)
-    predicates = {predicate: _leaning(_fit(pairs, method), shared) for predicate, pairs in data.items()}
-    return Calibration(shared, predicates, method, model or source)
+    predicates = tuple(sorted({row[2] for row in rows}))
+    number = {name: index for index, name in enumerate(predicates)}
+    data = np.array([(odds, label, number[name]) for odds, label, name, _ in rows], dtype=np.float64)
+    found = _calibration(data, predicates, method, model or source)
+    folds = _folds([row[3] for row in rows])
+    return found if folds is None else _earned(found, data, folds)
+
+
+def held_out(
+    looks: Sequence[tuple[Belief, Mapping[Atom, bool]]], units: Sequence[Hashable], method: Method | str = Method.PLATT
+) -> tuple[list[tuple[float, bool]], list[tuple[float, bool]]]:
+    """Return all probabilities with their labels before and after calibration, each look's by what `fit` learns of the
+    looks of other units.
+
+    Raises:
+        ValueError: there are fewer units than `FOLDS`, or not one for each look.
+    """
+    folds = _folds(units)
+    if folds is None:
+        raise ValueError(f"at least {FOLDS} units are needed to hold some out")
+    before, after = list[tuple[float, bool]](), list[tuple[float, bool]]()
+    for fold in range(FOLDS):
+        known = [place for place in range(len(looks)) if folds[place] != fold]
+        fitted = fit([looks[place] for place in known], method, units=[units[place] for place in known])
+        for place in np.flatnonzero(folds == fold).tolist():
+            belief, truth = looks[place]
+            before += pairs(belief, truth)
+            after += pairs(fitted.apply(belief), truth)
+    return before, after
+
+
+FOLDS = 5
+"""Parts that labelled looks are divided into for cross-validation."""
+
+
+def _calibration(data: FloatArray, predicates: Sequence[str], method: Method, model: str) -> Calibration:
+    """Fit on (N, 3) log-odds, labels and numbers of predicates."""
+    shared = _fit(data, method)
+    own = {name: data[data[:, 2] == number] for number, name in enumerate(predicates)}
+    fitted = {name: _leaning(_fit(part, method), shared) for name, part in own.items() if len(part)}
+    return Calibration(shared, fitted, method, model)
+
+
+def _folds(units: Sequence[Hashable]) -> npt.NDArray[np.int64] | None:
+    """Return for each row the number of the fold that its unit is in, by a fixed seed; None for too few units."""
+    different = list(dict.fromkeys(units))
+    if len(different) < FOLDS:
+        return None
+    turn = random.Random(0).sample(range(len(different)), len(different))
+    fold = {unit: place % FOLDS for unit, place in zip(different, turn, strict=True)}
+    return np.array([fold[unit] for unit in units], dtype=np.int64)
+
+
+def _earned(fitted: Calibration, data: FloatArray, folds: npt.NDArray[np.int64]) -> Calibration:
+    """Return the calibration without the corrections that make probabilities of held-out looks no better: neither the
+    logarithmic score nor the calibration error may get worse."""
+    names = tuple(fitted.predicates)
+    held_out = np.empty(len(data))
+    for fold in range(FOLDS):
+        left_out = folds == fold
+        if left_out.any() and not left_out.all():
+            part = _calibration(data[~left_out], names, fitted.method, "")
+            held_out[left_out] = part.corrected(data[left_out], names)
+    label, raw = data[:, 1], _sigmoids(data[:, 0])
+    adopted = {}
+    for number, (name, scaling) in enumerate(fitted.predicates.items()):
+        own = data[:, 2] == number
+        adopted[name] = scaling if _better(held_out[own], raw[own], label[own]) else _unchanged(scaling)
+    kept = np.array([adopted[name] is fitted.predicates[name] for name in names], dtype=np.bool_)[
+        data[:, 2].astype(int)
+    ]
+    if not _better(np.where(kept, held_out, raw), raw, label):
+        adopted = {name: _unchanged(scaling) for name, scaling in fitted.predicates.items()}
+    shared = fitted.shared if _better(held_out, raw, label) else _unchanged(fitted.shared)
+    return replace(fitted, shared=shared, predicates=adopted)
+
+
+def _better(corrected: FloatArray, raw: FloatArray, label: FloatArray) -> bool:
+    """Whether corrected probabilities have the lower logarithmic score, and no higher calibration error."""
+
+    def score(probability: FloatArray) -> float:
+        return float(-np.log(np.where(label == 1.0, probability, 1.0 - probability)).mean())
+
+    def error(probability: FloatArray) -> float:
+        return expected_calibration_error(list(zip(probability.tolist(), (label == 1.0).tolist(), strict=True)))
+
+    return score(corrected) < score(raw) and error(corrected) <= error(raw)
+
+
+def _unchanged(scaling: Scaling) -> Scaling:
+    return Scaling(1.0, 0.0, scaling.true, scaling.false)
 
 
 def _leaning(own: Scaling, shared: Scaling) -> Scaling:
@@ -183,7 +292,7 @@ def _leaning(own: Scaling, shared: Scaling) -> Scaling:
 
 
 def _fit(pairs: FloatArray, method: Method) -> Scaling:
-    """The likeliest correction of (N, 2) log-odds and labels."""
+    """The likeliest correction of (N, 2 or more) log-odds and labels."""
     from sklearn.linear_model import LogisticRegression
 
     odds, label = pairs[:, 0], pairs[:, 1]
@@ -211,6 +320,14 @@ def _logit(probability: float) -> float:
 
 def _sigmoid(odds: float) -> float:
     return 1.0 / (1.0 + math.exp(-odds)) if odds >= 0 else 1.0 - 1.0 / (1.0 + math.exp(min(700.0, odds)))
+
+
+def _sigmoids(odds: FloatArray) -> FloatArray:
+    """Return probabilities, clipped as log-odds are."""
+    from scipy.special import expit
+
+    clipped: FloatArray = np.clip(expit(odds), _EDGE, 1.0 - _EDGE)
+    return clipped
 
 
 def _file(path: Path | str) -> Path:

@@ -17,7 +17,11 @@ from executive.errors import InputError
 from executive.lab.evaluation import store
 from executive.planning.mutex_groups import find_mutexes
 from executive.s3e import calibration
+from executive.s3e.reliability import plot_reliability
 from executive.types import Atom, Belief
+
+RELIABILITY = "calibration.png"
+"""The reliability diagram beside a calibration."""
 
 ALPHAS = (0.2, 0.1, 0.05, 0.01)
 """The error rates that the summary shows."""
@@ -27,8 +31,9 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
     """Learn from the looks of some evaluations of one eye, write what was learned into `out` (a model's folder, or a
     file for the trust alone), and say where the trust is.
 
-    Into a folder, evaluations of probabilities that nothing corrected write a correction, too, and trust is learned of
-    corrected probabilities, as a run gets them. The two halves of the looks are not mixed up by that: a correction is
+    Into a folder, evaluations of probabilities that nothing corrected write a correction, too, as far as it makes
+    looks of other episodes better, with a reliability diagram of those; and trust is learned of corrected
+    probabilities, as a run gets them. The two halves of the looks are not mixed up by that: a correction is
     two numbers a predicate, learned from thousands.
 
     Raises:
@@ -38,6 +43,7 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
     """
     loaded = load_domain(domain, problem)
     looks: list[tuple[Mapping[Atom, float], Mapping[Atom, bool]]] = []
+    units: list[tuple[Path, int]] = []
     models: set[str] = set()
     corrected: set[bool] = set()
     for folder in folders:
@@ -60,10 +66,13 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
                 if not np.isnan(value)
             }
             looks.append((answered, dict(zip(answers.atoms, map(bool, truth), strict=True))))
+        units += [(folder, episode) for episode, _ in evaluation.looks]
     if os.path.isdir(out) and corrected == {False}:
-        correction = calibration.fit(
-            [(Belief(-1, probability), truth) for probability, truth in looks], model=min(models)
-        )
+        labelled = [(Belief(-1, probability), truth) for probability, truth in looks]
+        correction = calibration.fit(labelled, model=min(models), units=units)
+        if len(set(units)) >= calibration.FOLDS:
+            before, after = calibration.held_out(labelled, units)
+            plot_reliability(out / RELIABILITY, {"as the model says": before, "calibrated, held out": after})
         correction.save(out)
         looks = [
             ({atom: correction(atom, value) for atom, value in probability.items()}, truth)

@@ -181,6 +181,35 @@ def test_neither_the_order_of_looks_nor_that_of_atoms_matters() -> None:
         )
 
 
+def test_a_correction_is_adopted_where_held_out_looks_get_better_by_it() -> None:
+    wrong, right = looks(200, 1, slope=0.4, bias=-1.0, predicate="wrong"), looks(200, 2, predicate="right")
+    units = [number // 10 for number in range(200)]
+    fitted = fit([*wrong, *right], units=[*units, *units])
+    assert fitted.predicates["wrong"].slope == pytest.approx(0.4, abs=0.05)
+    again = looks(300, 3, slope=0.4, bias=-1.0, predicate="wrong")
+    before, after = (expected_calibration_error(answers(again, made)) for made in (None, fitted))
+    assert after < 0.03 < before
+    error = expected_calibration_error(answers(looks(300, 4, predicate="right"), fitted))
+    assert error < 0.03
+
+
+def test_a_correction_that_does_not_carry_over_is_not_adopted() -> None:
+    """Each problem has a share of true atoms of its own, and what is learned of some is wrong about the others."""
+    made, units = [], []
+    for unit in range(12):
+        for look in looks(3, unit, rate=0.5, predicate="on"):
+            made.append((look[0], Facts(dict.fromkeys(look[1], unit % 4 < 2))))
+            units.append(unit)
+    said = [(Belief(0, dict.fromkeys(belief.probability, 0.5)), truth) for belief, truth in made]
+    assert fit(said, units=units).predicates["on"] == Scaling(1.0, 0.0, 180, 180)
+    assert fit(said[:6], units=units[:6]).predicates["on"] != Scaling(1.0, 0.0, 60, 0), "too few problems to hold out"
+
+
+def test_each_look_has_a_unit() -> None:
+    with pytest.raises(ValueError, match="zip"):
+        fit(looks(10, 1), units=[1, 2, 3])
+
+
 def test_what_has_no_label_or_no_answer_does_not_count() -> None:
     on, held, free = Atom("on"), Atom("held"), Atom("free")
     calibrated = fit([(Belief(0, {on: 0.9, held: 0.2}, frozenset({free})), Facts({on: True, free: True}))])

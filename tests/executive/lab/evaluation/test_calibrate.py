@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image as Picture
 
 from executive.app.sensor_fit import FILE, load
 from executive.cli import BAD_INPUT, exit_code
 from executive.domain.loader import load_domain
 from executive.lab.evaluation import store
+from executive.lab.evaluation.calibrate import RELIABILITY
 from executive.lab.evaluation.evaluate import Evaluation
 from executive.lab.evaluation.metrics import Answers
 from executive.s3e.calibration import Calibration
@@ -21,8 +23,10 @@ TRAY = ROOT / "tests" / "domains" / "tray"
 ATOMS = load_domain(TRAY).task.atoms
 
 
-def evaluation(folder: Path, looks: int, seed: int, model: str = "eye", atoms: tuple[Atom, ...] = ATOMS) -> Path:
-    """An evaluation on disk, of an eye that is wrong now and then and sometimes does not answer."""
+def evaluation(
+    folder: Path, looks: int, seed: int, model: str = "eye", atoms: tuple[Atom, ...] = ATOMS, episodes: int = 1
+) -> Path:
+    """An evaluation on disk, of a model that is wrong now and then and sometimes does not answer."""
     rng = np.random.default_rng(seed)
     truth = rng.random((looks, len(atoms))) < 0.3
     probability = np.clip(np.where(truth, 0.85, 0.1) + rng.normal(0.0, 0.15, truth.shape), 0.0, 1.0)
@@ -32,7 +36,7 @@ def evaluation(folder: Path, looks: int, seed: int, model: str = "eye", atoms: t
         "eye",
         {"model": model},
         Answers(atoms, probability, truth),
-        tuple((0, step) for step in range(looks)),
+        tuple((step % episodes, step) for step in range(looks)),
         np.zeros(looks, dtype=np.bool_),
         np.ones(looks),
     )
@@ -59,6 +63,17 @@ def test_evaluations_make_the_file_that_runs_find_beside_the_model(
     assert set(trust.sensor_model.error_models) == set(trust.conformal.scores) == {"resting-on", "holding", "hand-free"}
     for scores in trust.conformal.scores.values():
         assert 60 < len(scores) <= 65  # where nothing of a predicate was answered there is none
+
+
+def test_episodes_that_can_be_held_out_show_what_calibration_is_worth(tmp_path: Path) -> None:
+    model = tmp_path / "model"
+    model.mkdir()
+    done = evaluation(tmp_path / "a", 120, 1, episodes=8)
+    assert exit_code(["calibrate", str(TRAY), str(done), "--out", str(model)]) == 0
+    with Picture.open(model / RELIABILITY) as picture:
+        assert picture.format == "PNG"
+    shared = Calibration.load(model).shared
+    assert shared.slope > 1.2, "answers of 0.85 and 0.1 are nearly always right: they get surer"
 
 
 def test_what_is_no_evaluation_of_this_eye_and_task_is_refused(
