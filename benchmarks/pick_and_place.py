@@ -18,7 +18,7 @@ from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.skills.pick import pick
 from executive.skills.place import place
-from executive.types import Atom, Facts, SkillResult, Step
+from executive.types import Atom, SkillResult, Step
 
 ITEMS = ("milk-carton", "bread-loaf", "lemon", "soda-can", "cereal-box", "water-bottle")
 TABLES = ("wood-table", "black-table", "white-table")
@@ -46,14 +46,14 @@ def main() -> None:
             source = next(t for t in TABLES if truth.of([Atom("on-table", (item, t))]).true)
             target = TABLES[(TABLES.index(source) + 1 + int(rng.integers(2))) % 3]
             holds = Atom("robot-gripping", (item,))
-            first = _do(world, pick, Step("pick", (item, source), Facts(), Facts()), rng)
+            first = _do(world, pick, Step("pick", (item, source)), rng)
             picked = first.done and bool(truth.of([holds]).true)
             tally[item]["picked"] += picked
             simulated, actions = simulated + first.seconds, actions + 1
             if not picked:
                 failures.append(f"seed {seed}: {first.step}: {first.status} {first.reason}")
                 continue
-            second = _do(world, place, Step("place", (item, target), Facts(), Facts()), rng)
+            second = _do(world, place, Step("place", (item, target)), rng)
             placed = second.done and bool(truth.of([Atom("on-table", (item, target))]).true)
             tally[item]["placed"] += placed
             simulated, actions = simulated + second.seconds, actions + 1

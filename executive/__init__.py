@@ -18,8 +18,11 @@ from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, Skil
 from executive.types import (
     Atom,
     Belief,
+    Condition,
     Decision,
     DecisionKind,
+    DerivedRules,
+    Effect,
     Ended,
     Event,
     Facts,
@@ -44,7 +47,7 @@ if TYPE_CHECKING:
     from executive.app.config import RunConfig
     from executive.app.run import Run, resume, run
     from executive.app.worlds import load_skills
-    from executive.core.compare import compare, progress, regress
+    from executive.core.compare import compare, progress, reaches
     from executive.core.loop import Executive
     from executive.domain import load_domain, load_subject
     from executive.domain.pddl import read_task
@@ -62,9 +65,12 @@ __version__ = "0.1.0"
 __all__ = [
     "Atom",
     "Belief",
+    "Condition",
     "Decision",
     "DecisionKind",
+    "DerivedRules",
     "DomainError",
+    "Effect",
     "Ended",
     "Estimator",
     "Event",
@@ -112,8 +118,8 @@ __all__ = [
     "make_executive",
     "parse_fault",
     "progress",
+    "reaches",
     "read_task",
-    "regress",
     "resume",
     "run",
     "takes",
@@ -140,7 +146,7 @@ _FROM = {
     "parse_fault": "executive.faults",
     "progress": "executive.core.compare",
     "read_task": "executive.domain.pddl",
-    "regress": "executive.core.compare",
+    "reaches": "executive.core.compare",
     "resume": "executive.app.run",
     "run": "executive.app.run",
     "takes": "executive.sim.relations",

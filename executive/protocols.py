@@ -13,6 +13,7 @@ import numpy as np
 from executive.types import (
     Atom,
     Belief,
+    Condition,
     Event,
     Facts,
     FaultInjected,
@@ -34,7 +35,7 @@ class Planner(Protocol):
     """Finds a plan for one task from any of its states."""
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         """A plan from `state` (atoms not mentioned are false) to `goal`; an empty plan when the goal holds already.
 

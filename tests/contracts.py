@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from executive.core.attention import alike
-from executive.core.compare import compare, progress
+from executive.core.compare import progress
 from executive.errors import InputError
 from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, SkillContext, World
 from executive.types import (
@@ -25,6 +25,7 @@ from executive.types import (
     Belief,
     Blinded,
     Compared,
+    Condition,
     Contradiction,
     Decision,
     DecisionKind,
@@ -77,11 +78,11 @@ class PlannerContract(ABC):
     def make(self) -> Planner: ...
 
     @abstractmethod
-    def solvable(self) -> tuple[Facts, Facts]:
+    def solvable(self) -> tuple[Facts, Condition]:
         """A complete state and a goal that takes at least one step."""
 
     @abstractmethod
-    def unsolvable(self) -> tuple[Facts, Facts]:
+    def unsolvable(self) -> tuple[Facts, Condition]:
         """A complete state and a goal that no plan reaches."""
 
     def test_a_plan_replayed_through_compare_holds(self) -> None:
@@ -92,9 +93,9 @@ class PlannerContract(ABC):
         assert plan.planner
         assert plan.seconds >= 0.0
         for step in plan.steps:
-            assert compare(step.preconditions, state).satisfied, f"{step} cannot be done"
+            assert step.precondition.truth(state), f"{step} cannot be done"
             state = progress(state, step)
-        assert compare(goal, state).satisfied
+        assert goal.truth(state)
 
     def test_a_goal_that_holds_takes_an_empty_plan(self) -> None:
         state, goal = self.solvable()
@@ -302,7 +303,7 @@ class SkillContract(ABC):
         start = world.time
         result, announced = self.carry_out(skill, world, self.possible())
         assert (result.status, result.step) == (SkillStatus.DONE, self.possible())
-        assert self.holds(world, self.possible().effects)
+        assert self.holds(world, self.possible().unconditional)
         assert result.seconds == pytest.approx(world.time - start, abs=1e-6)
         phases = [news for news in announced if isinstance(news, Phase)]
         assert {phase.name for phase in phases} <= PHASES
@@ -314,7 +315,7 @@ class SkillContract(ABC):
         result, _ = self.carry_out(skill, world, self.misplaced())
         assert result.status is SkillStatus.NOT_THERE
         assert result.reason
-        assert not self.holds(world, self.misplaced().effects)
+        assert not self.holds(world, self.misplaced().unconditional)
 
     def test_cancelled_it_stops_says_so_and_can_be_called_again(self) -> None:
         skill, world = self.make()
@@ -323,17 +324,18 @@ class SkillContract(ABC):
         assert result.status is SkillStatus.CANCELLED
         result, _ = self.carry_out(skill, world, self.possible(), patience=1.0)
         assert result.status is SkillStatus.CANCELLED
-        assert not self.holds(world, self.possible().effects)
+        assert not self.holds(world, self.possible().unconditional)
         world.restore(snapshot)
         assert self.carry_out(skill, world, self.possible())[0].done
 
 
 _ATOM = Atom("at", ("a", "p"))
 _FACTS = Facts({_ATOM: True})
-_STEP = Step("pick", ("a", "p"), _FACTS, Facts({_ATOM: False}))
+_STEP = Step.strips("pick", ("a", "p"), _FACTS, Facts({_ATOM: False}))
+_TASK = Task("things", "fake", {"a": "thing"}, (_ATOM,), Condition.of(_FACTS))
 
 EVERY_PAYLOAD: tuple[Payload, ...] = (
-    Started("run", "things", Task("things", "fake", {"a": "thing"}, (_ATOM,), _FACTS), "none", 3, {"low": 0.5}),
+    Started("run", "things", _TASK, "none", 3, {"low": 0.5}),
     Resumed(0, 0, 0, 0, 0),
     Questions({_ATOM: "Is a on p?"}, "Answer yes or no.", "templates"),
     Scenery(),
@@ -352,7 +354,7 @@ EVERY_PAYLOAD: tuple[Payload, ...] = (
     ),
     NoPlan(NoPlanReason.TIMED_OUT, "after 30 s", "fake", 30.0),
     Plan((_STEP,), 1.0, "fake", 0.1),
-    Probed(_FACTS, Plan((_STEP,), 1.0, "fake", 0.1)),
+    Probed(Condition.of(_FACTS), Plan((_STEP,), 1.0, "fake", 0.1)),
     Compared("preconditions", _FACTS, Verdict(holds=frozenset({_ATOM})), 0),
     Dispatched(_STEP, 1, 1, 0),
     Phase("transfer", "to p", 2.5),

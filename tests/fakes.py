@@ -27,6 +27,7 @@ from executive.protocols import FaultSource, Preparing, Skill, SkillContext
 from executive.types import (
     Atom,
     Belief,
+    Condition,
     DepthImage,
     Ended,
     Event,
@@ -63,7 +64,7 @@ def held(thing: str) -> Atom:
 
 
 def pick(thing: str, place: str) -> Step:
-    return Step(
+    return Step.strips(
         "pick",
         (thing, place),
         Facts({at(thing, place): True, FREE: True}),
@@ -72,7 +73,7 @@ def pick(thing: str, place: str) -> Step:
 
 
 def put(thing: str, place: str) -> Step:
-    return Step(
+    return Step.strips(
         "place",
         (thing, place),
         Facts({held(thing): True}),
@@ -83,7 +84,7 @@ def put(thing: str, place: str) -> Step:
 def task(things: Sequence[str], places: Sequence[str], goal: Facts) -> Task:
     atoms = [*(at(thing, place) for thing in things for place in places), *map(held, things), FREE]
     kinds = {**dict.fromkeys(things, "thing"), **dict.fromkeys(places, "place")}
-    return Task("things", "fake", kinds, tuple(sorted(atoms)), goal)
+    return Task("things", "fake", kinds, tuple(sorted(atoms)), Condition.of(goal))
 
 
 def steps_of(some: Task) -> list[Step]:
@@ -111,11 +112,11 @@ class FakePlanner:
         self, steps: Sequence[Step], answers: Iterable[Plan | NoPlan | Exception | None] = (), most: int = 5000
     ) -> None:
         self._steps, self._answers, self._most = tuple(steps), deque(answers), most
-        self.asked: list[tuple[Facts, Facts]] = []
+        self.asked: list[tuple[Facts, Condition]] = []
         self.avoided: list[frozenset[Step]] = []
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         self.asked.append((state, goal))
         self.avoided.append(avoid)
@@ -124,18 +125,18 @@ class FakePlanner:
             raise answer
         return answer or self._search(state, goal, avoid)
 
-    def _search(self, state: Facts, goal: Facts, avoid: frozenset[Step]) -> Plan | NoPlan:
+    def _search(self, state: Facts, goal: Condition, avoid: frozenset[Step]) -> Plan | NoPlan:
         start = state.true
         reached: dict[frozenset[Atom], tuple[Step, ...]] = {start: ()}
         queue = deque([start])
         while queue:
             here = queue.popleft()
-            if all((atom in here) is value for atom, value in goal.items()):
+            if all((atom in here) is value for atom, value in goal.facts.items()):
                 steps = reached[here]
                 return Plan(steps, float(len(steps)), "breadth-first", 0.0)
             for step in (step for step in self._steps if step not in avoid):
-                if all((atom in here) is value for atom, value in step.preconditions.items()):
-                    there = (here - step.effects.false) | step.effects.true
+                if all((atom in here) is value for atom, value in step.precondition.facts.items()):
+                    there = (here - step.unconditional.false) | step.unconditional.true
                     if there not in reached:
                         reached[there] = (*reached[here], step)
                         queue.append(there)

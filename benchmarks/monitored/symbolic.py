@@ -15,7 +15,7 @@ from executive.lab.campaign.episode import Player, Row, out_of_reach, row
 from executive.lab.campaign.scoring import Scorer
 from executive.lab.common.process_pool import ReportProgress
 from executive.trace.report.summary import Collector
-from executive.types import Facts, NoPlan, NoPlanReason, Plan, Step, Task
+from executive.types import Condition, Facts, NoPlan, NoPlanReason, Plan, Step, Task
 from tests.fakes import FREE, WATCHED, FakeSkill, FakeWorld, ScriptedEstimator, at, groups, held, pick, put, task
 
 PLACE = Place("things", "six", "things")
@@ -61,16 +61,16 @@ class Courier:
         self._places = sorted(name for name, kind in some.objects.items() if kind == "place")
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         true, steps = set(state.true), list[Step]()
 
         def do(step: Step) -> None:
-            true.difference_update(step.effects.false)
-            true.update(step.effects.true)
+            true.difference_update(step.unconditional.false)
+            true.update(step.unconditional.true)
             steps.append(step)
 
-        for atom in goal:
+        for atom in goal.facts:
             thing, place = atom.args
             if atom in true:
                 continue
@@ -80,7 +80,7 @@ class Courier:
                     full = [other for other in self._things if held(other) in true]
                     if not full:
                         return NoPlan(NoPlanReason.UNSOLVABLE)
-                    homes = [a.args[1] for a in goal if a.args[0] == full[0]]
+                    homes = [a.args[1] for a in goal.facts if a.args[0] == full[0]]
                     downs = (put(full[0], place) for place in (*homes[:1], *self._places))
                     down = next((step for step in downs if step not in avoid), None)
                     if down is None:
@@ -90,7 +90,7 @@ class Courier:
                     return NoPlan(NoPlanReason.UNSOLVABLE)
                 do(pick(thing, where[0]))
             do(put(thing, place))
-        if not true.issuperset(goal.true) or not avoid.isdisjoint(steps):
+        if not true.issuperset(goal.facts.true) or not avoid.isdisjoint(steps):
             return NoPlan(NoPlanReason.UNSOLVABLE)
         return Plan(tuple(steps), float(len(steps)), "courier", 0.0)
 

@@ -19,7 +19,7 @@ from executive.sim.world import MujocoWorld
 from executive.skills.arm import arm_of
 from executive.skills.pick import pick
 from executive.skills.place import place
-from executive.types import Atom, Facts, Motion, Phase, Step
+from executive.types import Atom, Motion, Phase, Step
 
 _MEANING = {"on-table": "on", "robot-gripping": "gripping", "robot-gripper-empty": "gripper-empty"}
 _WHAT = ("soda-can", "bread-loaf", "cereal-box")
@@ -104,8 +104,8 @@ def _actions(item: str) -> list[float]:
     context = SkillContext(world.handle, rng, said.append, lambda: False)
     found = []
     for skill, step in (
-        (pick, Step("pick", (item, source), Facts(), Facts())),
-        (place, Step("place", (item, target), Facts(), Facts())),
+        (pick, Step("pick", (item, source))),
+        (place, Step("place", (item, target))),
     ):
         began = time.process_time()
         result = skill(step, context)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from executive.belief import Monitor
 from executive.belief.interface import Memory
+from executive.core.compare import progress
 from executive.errors import InputError
 from executive.protocols import Simulator
 from executive.trace.record import snapshots
@@ -21,6 +22,7 @@ from executive.trace.record.log import EVENTS_FILE, read_events
 from executive.trace.story.story import Story
 from executive.types import (
     Belief,
+    DerivedRules,
     Ended,
     Event,
     Facts,
@@ -143,10 +145,11 @@ class PastRun:
     def assumed(self) -> Facts:
         """Return the facts that a blind run assumed."""
         known = Facts()
+        rules = DerivedRules() if self.started is None else self.started.task.derived
         for event in self.events():
             match event.payload:
                 case Belief() as belief:
                     known = belief.facts()
                 case SkillResult(step=step):  # the belief that follows says the same, unless the run was cut off there
-                    known = known | step.effects
+                    known = progress(known, step, rules)
         return known

@@ -38,7 +38,7 @@ from executive.trace.record.log import EventLog
 from executive.trace.record.snapshots import Snapshots
 from executive.trace.record.thresholds import thresholds
 from executive.trace.report.summary import SUMMARY_FILE, Collector, Summary, write_summary
-from executive.types import Atom, Facts, NoPlan, NoPlanReason, Plan, Step
+from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Step
 from executive.util import requirements
 
 if TYPE_CHECKING:
@@ -135,7 +135,8 @@ class Run:
         if self._past is None or not self._past.is_over:  # otherwise it was killed between its end and its summary
             self.executive.run()
         goal = self.domain.task.goal
-        goal_true = self.truth.of(tuple(goal)).entails(goal)
+        true = self.domain.task.derived.complete(self.truth.of(self.domain.task.atoms))
+        goal_true = goal.truth(true) is True
         summary = self._collector.summary(goal_true)
         write_summary(self.folder, summary)
         return summary
@@ -248,10 +249,10 @@ class _FeasiblePlanner:
         self._planner, self._infeasible, self._why = planner, infeasible, why
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         result = self._planner.plan(state, goal, avoid | self._infeasible, seconds)
-        why = [self._why[atom] for atom in sorted(goal.true & self._why.keys()) if not state.get(atom)]
+        why = [self._why[atom] for atom in sorted(goal.facts.true & self._why.keys()) if not state.get(atom)]
         if isinstance(result, NoPlan) and result.reason is NoPlanReason.UNSOLVABLE and why:
             return replace(result, detail="; ".join(why))
         return result

@@ -231,8 +231,8 @@ def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom
     from executive.sim.initial_state import too_large
 
     why = too_large(domain.task.atoms, truth.relation_kinds, world.shapes, world.spec)
-    goal = domain.task.goal
-    if goal.true and why.keys() >= goal.true and not goal.false:
+    goal = domain.task.goal.literals
+    if goal is not None and goal.true and why.keys() >= goal.true and not goal.false:
         world.close()
         raise DomainError("; ".join(why[atom] for atom in sorted(goal.true)), file=domain.files[2], key=":goal")
     return why

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
-from executive.types import Atom, Facts, SkillResult, SkillStatus, Step
+from executive.types import Atom, Condition, Facts, SkillResult, SkillStatus, Step
 
 PRIOR = 20.0
 """The weight of the defaults, in measured actions."""
@@ -101,7 +101,7 @@ def skill_evidence(
         return MappingProxyType({})
     found: dict[Atom, float] = {}
     if result.status in (SkillStatus.NOT_THERE, SkillStatus.NOT_APPLICABLE):
-        needed = [atom for atom, value in step.preconditions.items() if value and set(atom.args) & set(step.args)]
+        needed = [atom for atom, value in step.precondition.facts.items() if value and set(atom.args) & set(step.args)]
         found = dict.fromkeys(needed, -ABSENCE_EVIDENCE) if len(needed) == 1 else {}
     atom = step.about(carried)
     if atom is not None and result.holding is not None and (result.done or not result.holding):
@@ -115,9 +115,10 @@ def outcome(step: Step, before: Facts, after: Facts) -> Chances:
     Both have to include all atoms that the step's effects name. An effect that held before the action counts as come
     about if it still holds.
     """
-    if all(after[atom] is value for atom, value in step.effects.items()):
+    changes = step.changes(before)
+    if all(after[atom] is value for atom, value in changes.items() if value is not None):
         return Chances(1, 0, 0)
-    if all(after[atom] is before[atom] for atom in step.effects):
+    if all(after[atom] is before[atom] for atom in changes):
         return Chances(0, 1, 0)
     return Chances(0, 0, 1)
 
@@ -128,11 +129,28 @@ def with_effects(
     """Return the marginals after the step's effects have come about. `partners` are each atom's mutex partners: the
     atoms that cannot be true together with it."""
     after = dict(marginal)
-    for atom, value in step.effects.items():
-        if value:
-            after.update(dict.fromkeys(partners[atom], 0.0))
-    after.update({atom: float(value) for atom, value in step.effects.items()})
+    for effect in step.effects:
+        chance = _probability(effect.condition, marginal)
+        for atom, value in effect.facts.items():
+            for partner in partners[atom] if value else ():
+                after[partner] *= 1.0 - chance
+    for value in (False, True):  # what is both deleted and added is true
+        for effect in step.effects:
+            chance = _probability(effect.condition, marginal)
+            for atom in effect.facts.true if value else effect.facts.false:
+                after[atom] = chance * value + (1.0 - chance) * after[atom]
     return after
+
+
+def _probability(condition: Condition, marginal: Mapping[Atom, float]) -> float:
+    """Return how probable a condition is, its parts taken as independent. What has no marginal may be either."""
+    product = 1.0
+    for atom, value in condition.facts.items():
+        chance = marginal.get(atom, 0.5)
+        product *= chance if value else 1.0 - chance
+    for choice in condition.choices:
+        product *= 1.0 - math.prod(1.0 - _probability(part, marginal) for part in choice)
+    return product
 
 
 def affected(step: Step, partners: Mapping[Atom, frozenset[Atom]]) -> frozenset[Atom]:
@@ -141,8 +159,8 @@ def affected(step: Step, partners: Mapping[Atom, frozenset[Atom]]) -> frozenset[
     objects = frozenset(step.args)
     related = {
         partner
-        for atom in step.effects
+        for atom in step.affects
         for partner in partners[atom]
         if not partner.args or not objects.isdisjoint(partner.args)
     }
-    return frozenset(related.union(step.effects))
+    return frozenset(related.union(step.affects))

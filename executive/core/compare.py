@@ -1,8 +1,9 @@
 """Expectations of the world, and their comparison with what is seen. Pure.
 
 A look enters here as the facts that its belief's thresholds derive (`Belief.facts`): what they do not mention is
-unknown. A plan is judged by regression, as PLANEX did with its triangle tables (Fikes, Hart and Nilsson 1972): it
-still stands when what is believed entails what its remaining steps and the goal ask for, however that came about.
+unknown, and so is what follows from it (Kleene's three values). A plan still stands when its remaining steps, carried
+forward from what is believed, can all be done and end where the goal holds, however that came about; PLANEX asked the
+same of its triangle tables (Fikes, Hart and Nilsson 1972).
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from executive.types import Atom, Facts, Step, Verdict
+from executive.types import Atom, Condition, DerivedRules, Facts, Step, Verdict
+
+NO_RULES = DerivedRules()
 
 
-def compare(expected: Facts, seen: Facts) -> Verdict:
+def compare(expected: Facts, seen: Mapping[Atom, bool]) -> Verdict:
     """Compare an expectation with what was seen: each of its atoms holds, is violated, or is unknown."""
     told = {atom: seen[atom] is value for atom, value in expected.items() if atom in seen}
     holds = frozenset(atom for atom, is_so in told.items() if is_so)
@@ -23,33 +26,32 @@ def compare(expected: Facts, seen: Facts) -> Verdict:
 def bearing(step: Step, known: Facts) -> Facts:
     """What is known that bears on how a step comes out: what it needs and changes, and whatever else is said of the
     objects that it is about, such as what stands on the table that it puts something on."""
-    objects = frozenset(step.args)
-    own = step.preconditions.keys() | step.effects.keys()
+    objects, own = frozenset(step.args), step.atoms
     return known.only(atom for atom in known if atom in own or not objects.isdisjoint(atom.args))
 
 
-def progress(facts: Facts, step: Step) -> Facts:
-    """What is expected after `step`, begun where `facts` hold: its effects, and of everything else that it stays."""
-    return facts | step.effects
+def progress(facts: Facts, step: Step, rules: DerivedRules = NO_RULES) -> Facts:
+    """What is expected after `step`, begun where `facts` hold: its effects, and of everything else that it stays.
 
-
-def regress(steps: Sequence[Step], goal: Facts) -> Facts | None:
-    """The least that has to hold for `steps`, carried out in order, to run and to end where `goal` holds.
-
-    None when nothing can: a step undoes what is needed after it, or asks for the opposite of it.
+    An effect whose condition is unknown makes what it would change unknown. Derived atoms are never among the facts;
+    `rules` say how they follow from them, for conditions that name some.
     """
-    needed: dict[Atom, bool] = dict(goal)
-    for step in reversed(steps):
-        for atom, value in step.effects.items():
-            if needed.pop(atom, value) is not value:
-                return None
-        for atom, value in step.preconditions.items():
-            if needed.setdefault(atom, value) is not value:
-                return None
-    return Facts(needed)
+    changes = step.changes(rules.complete(facts))
+    open_ = [atom for atom, value in changes.items() if value is None]
+    changed = facts | {atom: value for atom, value in changes.items() if value is not None}
+    return changed.without(open_) if open_ else changed
 
 
-def remaining(steps: Sequence[Step], state: Facts, goal: Facts) -> tuple[int, ...] | None:
+def reaches(steps: Sequence[Step], state: Facts, goal: Condition, rules: DerivedRules = NO_RULES) -> bool:
+    """Whether all of `steps` can be carried out in order from `state`, and `goal` holds afterwards. What `state` does
+    not mention is unknown, and no step begins where it is unknown whether it can."""
+    kept, reached = _executed(steps, range(len(steps)), state, goal, rules)
+    return reached and len(kept) == len(steps)
+
+
+def remaining(
+    steps: Sequence[Step], state: Facts, goal: Condition, rules: DerivedRules = NO_RULES
+) -> tuple[int, ...] | None:
     """Which of `steps` (positions, in order) are still to be done to get from the complete `state` to `goal`.
 
     Left out are steps that cannot be done or that nothing needs any more: first those before the earliest position
@@ -57,14 +59,14 @@ def remaining(steps: Sequence[Step], state: Facts, goal: Facts) -> tuple[int, ..
     what is left does not reach the goal: then a new plan is called for.
     """
     for start in range(len(steps) + 1):
-        kept, reached = _executed(steps, range(start, len(steps)), state, goal)
+        kept, reached = _executed(steps, range(start, len(steps)), state, goal, rules)
         if reached:
             break
     else:
         return None
     position = 0
     while position < len(kept):
-        fewer, reached = _executed(steps, kept[:position] + kept[position + 1 :], state, goal)
+        fewer, reached = _executed(steps, kept[:position] + kept[position + 1 :], state, goal, rules)
         if reached:
             kept = fewer
         else:
@@ -81,27 +83,81 @@ class Outlook(NamedTuple):
     repeatable: bool
 
 
-def outlook(step: Step, left: Sequence[Step], state: Facts, goal: Facts, surprised: bool) -> Outlook:
+def outlook(
+    step: Step,
+    left: Sequence[Step],
+    state: Facts,
+    goal: Condition,
+    surprised: bool,
+    rules: DerivedRules = NO_RULES,
+    seen: Mapping[Atom, bool] = Facts(),
+) -> Outlook:
     """The outlook after `step`, with the steps `left`, from the complete `state`.
 
-    Only a surprise is taken as an occasion to leave out steps; a plan that goes as expected is followed as it is.
+    Only a surprise is taken as an occasion to leave out steps; a plan that goes as expected is followed as it is. Where
+    a disjunction leaves open which atoms the rest hangs on, those that are `seen` are taken.
     """
-    needed, once_more = regress(left, goal), regress((step, *left), goal)
     rest: tuple[int, ...] | None = tuple(range(len(left)))
-    if surprised or needed is None or not state.entails(needed):
-        rest = remaining(left, state, goal)
-        needed = needed if rest is None else regress([left[position] for position in rest], goal)
-    return Outlook(rest, frozenset(needed or ()), once_more is not None and state.entails(once_more))
+    if surprised or not reaches(left, state, goal, rules):
+        rest = remaining(left, state, goal, rules)
+    following = left if rest is None else [left[position] for position in rest]
+    needed, open_ = _read(following, goal, rules)
+    open_ -= seen.keys()
+    if rest is not None:
+        open_ = _decisive(following, state, goal, rules, sorted(open_))
+    return Outlook(rest, frozenset(needed | open_), reaches((step, *left), state, goal, rules))
+
+
+_MOST_TRIED = 32
+"""Atoms up to which it is tried for each whether a plan hangs on it."""
+
+
+def _read(steps: Sequence[Step], goal: Condition, rules: DerivedRules) -> tuple[set[Atom], set[Atom]]:
+    """The atoms whose values from before `steps` matter to them and to the goal after them: those that a literal asks
+    for, and those that only a disjunction, a derived atom or an effect's condition does."""
+    needed, open_, written = set[Atom](), set[Atom](), set[Atom]()
+
+    def read(condition: Condition, is_effect: bool = False) -> None:
+        plain = set() if is_effect else condition.facts.keys() - rules.rules.keys()
+        needed.update(plain - written)
+        open_.update(set(rules.support(condition.atoms - plain)) - written)
+
+    for step in steps:
+        read(step.precondition)
+        for effect in step.effects:
+            read(effect.condition, is_effect=True)
+        written.update(step.unconditional)
+    read(goal)
+    return needed, open_ - needed
+
+
+def _decisive(
+    steps: Sequence[Step], state: Facts, goal: Condition, rules: DerivedRules, atoms: Sequence[Atom]
+) -> set[Atom]:
+    """Those of the atoms without which, all of them unknown, it would be open whether the steps reach the goal."""
+    if not atoms or reaches(steps, state.without(atoms), goal, rules):
+        return set()
+    dropped: list[Atom] = []
+    for atom in atoms if len(atoms) <= _MOST_TRIED else ():
+        if reaches(steps, state.without([*dropped, atom]), goal, rules):
+            dropped.append(atom)
+    return set(atoms).difference(dropped)
 
 
 def _executed(
-    steps: Sequence[Step], positions: Iterable[int], state: Mapping[Atom, bool], goal: Facts
+    steps: Sequence[Step], positions: Iterable[int], state: Facts, goal: Condition, rules: DerivedRules
 ) -> tuple[tuple[int, ...], bool]:
     """The positions whose steps can be done in turn, and whether the goal holds after them."""
-    truth, done = dict(state), []
+    current, done = dict(state), []
+    known: Mapping[Atom, bool] = rules.complete(current)
     for position in positions:
         step = steps[position]
-        if all(truth.get(atom) is value for atom, value in step.preconditions.items()):
-            truth.update(step.effects)
+        if step.precondition.truth(known):
+            for atom, value in step.changes(known).items():
+                if value is None:
+                    current.pop(atom, None)
+                else:
+                    current[atom] = value
+            known = rules.complete(current)
             done.append(position)
-    return tuple(done), all(truth.get(atom) is value for atom, value in goal.items())
+    return tuple(done), goal.truth(known) is True

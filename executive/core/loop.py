@@ -23,9 +23,11 @@ from executive.core.settings import Settings
 from executive.errors import InputError
 from executive.protocols import Planner, Preparing, Skill
 from executive.types import (
+    ALWAYS,
     Atom,
     Belief,
     Compared,
+    Condition,
     Decision,
     DecisionKind,
     Dispatched,
@@ -194,9 +196,9 @@ class Executive:
         waits = 0
         while True:
             known = self.run_state.known
-            verdict = self._compare("preconditions", step.preconditions, known)
+            needed, verdict = self._compare_condition("preconditions", step.precondition, known)
             failures = self.run_state.failing(step, known)
-            if (decision := policy.before(step, verdict, waits, failures, self.settings)) is None:
+            if (decision := policy.before(step, needed, verdict, waits, failures, self.settings)) is None:
                 return None
             if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
                 self.run_state = self.run_state.failed(step, known, decision)
@@ -244,7 +246,7 @@ class Executive:
             self._weigh(self.observer.look_at_all(self.run_state, cause))
         while True:
             self.run_state = run_state = self.run_state.whole_goal_seen()
-            verdict = self._compare("goal", run_state.goal, run_state.claimable(self.settings.claim))
+            _, verdict = self._compare_condition("goal", run_state.goal, run_state.claimable(self.settings.claim))
             plan, whole = self._given_another_chance() if verdict.satisfied else (None, run_state.goal)
             unsure, dropped = run_state.unsure_of_goal(self.settings.sure), run_state.dropped(plan, whole)
             redo = self._redo(verdict) if checks > self.settings.max_looks_again else None
@@ -259,17 +261,18 @@ class Executive:
             self._weigh(self.observer.look_again(run_state, cause, decision.evidence))
             checks += 1
 
-    def _given_another_chance(self) -> tuple[Plan | None, Facts]:
+    def _given_another_chance(self) -> tuple[Plan | None, Condition]:
         """A plan for what was given up, too, or for the first part of it that does not depend on a stuck step, and the
         goal that it reaches."""
         goal, wanted = self.run_state.goal, self.run_state.task.goal
-        if not self.run_state.given_up:
+        given_up = self.run_state.given_up.conjuncts
+        if not given_up:
             return None, goal
         answer = self._probe(wanted, Leeway.LAST)
-        for atom in self.run_state.given_up if answer.without and len(self.run_state.given_up) > 1 else ():
+        for part in given_up if answer.without and len(given_up) > 1 else ():
             if isinstance(answer, Plan):
                 break
-            wanted = self.run_state.task.goal.only((*goal, atom))
+            wanted = self.run_state.task.goal.only((*goal.conjuncts, part))
             answer = self._probe(wanted, Leeway.LAST)
         return (None, goal) if isinstance(answer, NoPlan) else (answer, wanted)
 
@@ -297,7 +300,7 @@ class Executive:
 
     def _plan_as_if(self, atom: Atom, state: Facts | None) -> OptimisticPlan | None:
         goal = self.run_state.goal
-        if state is None or state.entails(goal):
+        if state is None or self.run_state.holds(goal, state):
             return None
         plan = self._ask(goal, state)
         self._emit(_probed(goal, plan))
@@ -318,18 +321,18 @@ class Executive:
     def _give_up(self, cause: Decision, is_stuck: bool) -> Decision:
         """Drop from the goal what cannot be reached, and plan for the rest."""
         kept, plan, hangs = self._largest(Leeway.NONE)
-        if hangs and not kept:
+        if hangs and kept == ALWAYS:
             kept, plan, hangs = self._largest(Leeway.CHANGED)
         decision = policy.given_up(cause, self.run_state.goal, kept, is_stuck or hangs)
         self._emit(self.run_state.grounded(decision))
         self.run_state = self.run_state.giving_up(cause.reason)
         return decision if plan is None else self._take_up(plan, kept)
 
-    def _largest(self, leeway: Leeway) -> tuple[Facts, Plan | None, bool]:
+    def _largest(self, leeway: Leeway) -> tuple[Condition, Plan | None, bool]:
         """The largest part of the goal that can be reached, a plan for it, and whether a stuck step limits it."""
         without: set[str] = set()
 
-        def plan_for(part: Facts) -> Plan | None:
+        def plan_for(part: Condition) -> Plan | None:
             answer = self._probe(part, leeway)
             without.update(answer.without)
             return None if isinstance(answer, NoPlan) else answer
@@ -337,7 +340,7 @@ class Executive:
         kept, plan = policy.largest_reachable(self.run_state.goal, plan_for, self.settings.max_goal_plans)
         return kept, plan, bool(without)
 
-    def _take_up(self, plan: Plan, goal: Facts) -> Decision:
+    def _take_up(self, plan: Plan, goal: Condition) -> Decision:
         if self.run_state.plan is not None and (
             stop := policy.exhausted(self.settings, replans=self.run_state.replans)
         ):
@@ -347,14 +350,14 @@ class Executive:
         self.run_state = self.run_state.planned(plan, goal)
         return Decision(DecisionKind.CONTINUE, f"{len(plan.steps)} steps to go")
 
-    def _probe(self, goal: Facts, leeway: Leeway = Leeway.NONE) -> Plan | NoPlan:
-        if self.run_state.state.entails(goal):
+    def _probe(self, goal: Condition, leeway: Leeway = Leeway.NONE) -> Plan | NoPlan:
+        if self.run_state.holds(goal, self.run_state.state):
             return Plan((), 0.0, "", 0.0)
         answer = self._plan(goal, self.run_state.state, leeway)
         self._emit(_probed(goal, answer))
         return answer
 
-    def _ask(self, goal: Facts, state: Facts) -> Plan | NoPlan:
+    def _ask(self, goal: Condition, state: Facts) -> Plan | NoPlan:
         """A plan without the steps that were given up on, or at least not in the same circumstances."""
         answer = self._plan(goal, state, Leeway.NONE)
         if isinstance(answer, NoPlan) and answer.without:
@@ -362,7 +365,7 @@ class Executive:
             answer = self._plan(goal, state, Leeway.CHANGED)
         return answer
 
-    def _plan(self, goal: Facts, state: Facts, leeway: Leeway) -> Plan | NoPlan:
+    def _plan(self, goal: Condition, state: Facts, leeway: Leeway) -> Plan | NoPlan:
         """Where the plan depends on a step that is stuck, the planner is asked for one without it, and so on."""
         avoid: frozenset[Step] = frozenset()
         while True:
@@ -394,6 +397,12 @@ class Executive:
         if stop := policy.exhausted(self.settings, seconds=self.seconds):
             raise _TimeIsUpError(stop)
 
+    def _compare_condition(self, what: str, condition: Condition, facts: Facts) -> tuple[Facts, Verdict]:
+        """The literals by which a condition is judged where `facts` hold, and the verdict on them."""
+        expected, verdict = self.run_state.compared(condition, facts)
+        self._emit(Compared(what, expected, verdict, self.run_state.moment.observation_id))
+        return expected, verdict
+
     def _compare(self, what: str, expected: Facts, seen: Facts) -> Verdict:
         compared = Compared(what, expected, compare(expected, seen), self.run_state.moment.observation_id)
         self._emit(compared)
@@ -414,7 +423,7 @@ class _TimeIsUpError(Exception):
         super().__init__(decision.reason)
 
 
-def _probed(goal: Facts, answer: Plan | NoPlan) -> Probed:
+def _probed(goal: Condition, answer: Plan | NoPlan) -> Probed:
     return Probed(goal, None, answer) if isinstance(answer, NoPlan) else Probed(goal, answer)
 
 

@@ -20,7 +20,6 @@ from executive.types import (
     Atom,
     Belief,
     Blinded,
-    Facts,
     Image,
     Looked,
     LookKind,
@@ -124,6 +123,7 @@ class CameraObserver:
         as it gets. Where no camera shows them better than the others, the arm moves at once."""
         if surprised and not run_state.asked_all:
             return self.look_at_all(run_state, cause)
+        atoms = run_state.task.derived.support(atoms) or run_state.task.atoms
         groups = self._attention.groups(atoms)
         moved = run_state.moment.looks - any(groups)
         if moved > 0 and self._clear(atoms, moved - 1):
@@ -154,7 +154,7 @@ class CameraObserver:
         """Bring the arm out of the way by the first move, from the `first` on, that gets it anywhere."""
         objects = tuple(dict.fromkeys(name for atom in sorted(atoms) for name in atom.args))
         for name in list(self._moves)[first:]:
-            if self._session.move(Step(name, objects, Facts(), Facts()), self._moves[name]).seconds > 0.0:
+            if self._session.move(Step(name, objects), self._moves[name]).seconds > 0.0:
                 return True
         return False
 

@@ -13,7 +13,9 @@ from typing import NamedTuple
 
 from executive.core.settings import Settings
 from executive.types import (
+    ALWAYS,
     Atom,
+    Condition,
     Decision,
     DecisionKind,
     Facts,
@@ -75,7 +77,7 @@ class Dropped(NamedTuple):
     """What of the goal was given up, and why; or what of that is within reach after all, with a plan that reaches what
     is left of the goal, too."""
 
-    goals: Facts
+    goals: Condition
     why: str = ""
     plan: Plan | None = None
 
@@ -96,8 +98,7 @@ class OptimisticPlan(NamedTuple):
     @property
     def instead(self) -> str:
         """What the plan begins with, in words."""
-        needed = self.plan.steps[0].preconditions
-        return _listed([atom for atom in sorted(needed) if needed[atom]])
+        return _listed(sorted(self.plan.steps[0].precondition.facts.true))
 
 
 def first(atoms: Collection[Atom], known: Facts, looks: int, settings: Settings) -> Decision:
@@ -112,14 +113,16 @@ def first(atoms: Collection[Atom], known: Facts, looks: int, settings: Settings)
     return Decision(DecisionKind.CONTINUE, "every atom is known")
 
 
-def before(step: Step, verdict: Verdict, waits: int, failures: Failures, settings: Settings) -> Decision | None:
-    """Before a step: `verdict` holds its preconditions against what is known; `waits` looks were taken to see them
-    come true; `failures` are those of the step, this one included."""
+def before(
+    step: Step, needed: Facts, verdict: Verdict, waits: int, failures: Failures, settings: Settings
+) -> Decision | None:
+    """Before a step: `verdict` holds the literals `needed` of its precondition against what is known; `waits` looks
+    were taken to see them come true; `failures` are those of the step, this one included."""
     # Unknown is never true; in the state that was planned from it is false.
-    unmet = tuple(sorted(verdict.violated | {atom for atom in verdict.unknown if step.preconditions[atom]}))
+    unmet = tuple(sorted(verdict.violated | {atom for atom in verdict.unknown if needed[atom]}))
     if not unmet:
         return None
-    reason = f"{step} cannot begin: {_unmet(unmet, step.preconditions, verdict)}"
+    reason = f"{step} cannot begin: {_unmet(unmet, needed, verdict)}"
     if waits < settings.precondition_wait:
         return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; waiting (look {waits + 1})", unmet)
     return _fail(reason, unmet, failures, SkillStatus.NOT_THERE, settings)
@@ -143,13 +146,13 @@ def after(turn: Turn, settings: Settings) -> Decision:
     agreed = as_planned if result.done else broken
     if not agreed and may_look and turn.looks == 1:
         reason = _joined(reported, surprise) or f"{step} is done, yet the plan does not reach the goal from here"
-        return Decision(DecisionKind.LOOK_AGAIN, reason, evidence or tuple(step.effects))
+        return Decision(DecisionKind.LOOK_AGAIN, reason, evidence or step.affects)
     if turn.rest is not None:
         skipped = turn.planned - len(turn.rest)
         onward = f"{skipped} of {turn.planned} steps no longer needed" if skipped else "the plan still reaches the goal"
         news = _joined(reported, surprise, doubt)
         reason = _joined(news, onward) if news or skipped else "as expected"
-        return Decision(DecisionKind.CONTINUE, reason, evidence or tuple(step.effects))
+        return Decision(DecisionKind.CONTINUE, reason, evidence or step.affects)
     reason = _joined(reported or f"{step} did not come out", surprise, doubt)
     evidence = evidence or tuple(turn.doubts)
     enough = turn.failures.too_many(result.status, settings)
@@ -162,7 +165,7 @@ def after(turn: Turn, settings: Settings) -> Decision:
 def assumed(result: SkillResult) -> Decision:
     """After a step of an executive that does not look: its effects are assumed, whatever its skill says."""
     said = f"{result.step} is done" if result.done else _report(result)
-    return Decision(DecisionKind.CONTINUE, f"{said}; nobody looks, its effects are assumed", tuple(result.step.effects))
+    return Decision(DecisionKind.CONTINUE, f"{said}; nobody looks, its effects are assumed", result.step.affects)
 
 
 def crashed(result: SkillResult) -> Decision | None:
@@ -205,22 +208,22 @@ def goes_around(cause: Decision) -> Decision:
     return Decision(DecisionKind.REPLAN, f"{cause.reason}; there is a plan that does without it", cause.evidence)
 
 
-def given_up(cause: Decision, goal: Facts, kept: Facts, is_stuck: bool) -> Decision:
+def given_up(cause: Decision, goal: Condition, kept: Condition, is_stuck: bool) -> Decision:
     """`cause` calls for giving up goals, and `kept` is what of `goal` can be reached. `is_stuck`: there are plans, but
     they hang on a step that fails again and again."""
-    dropped = goal.without(kept)
-    if not kept:
+    dropped = goal.without(kept.conjuncts)
+    if kept == ALWAYS:
         reason = f"{cause.reason}; there is no other part of the goal to go for"
         outcome = OutcomeKind.GAVE_UP if is_stuck else OutcomeKind.NO_PLAN
-        return _stop(outcome, reason, cause.evidence or tuple(goal))
-    if not dropped:
+        return _stop(outcome, reason, cause.evidence or _atoms(goal))
+    if dropped == ALWAYS:
         return Decision(DecisionKind.REPLAN, f"{cause.reason}; yet there is a plan for the whole goal", cause.evidence)
-    reason = f"{cause.reason}; giving up {_literals(dropped)}, going for {_literals(kept)}"
-    return Decision(DecisionKind.GIVE_UP_GOAL, reason, tuple(dropped))
+    reason = f"{cause.reason}; giving up {_conjuncts(dropped)}, going for {_conjuncts(kept)}"
+    return Decision(DecisionKind.GIVE_UP_GOAL, reason, _atoms(dropped))
 
 
 def finish(
-    goal: Facts,
+    goal: Condition,
     verdict: Verdict,
     unsure: Collection[Atom],
     checks: int,
@@ -231,18 +234,20 @@ def finish(
     """Nothing is left to do: `verdict` holds the goal against what is seen now, for only seeing it is success, and is
     the `checks`-th one in a row. `unsure` are its atoms, and where some of it was given up all atoms, that cannot be
     told with `Settings.sure`. `redo` would bring about once more what cannot be told."""
+    gave_up = dropped.goals != ALWAYS
     once_more, many_more = checks <= min(1, settings.max_looks_again), checks <= settings.max_looks_again
     # What was given up is worth more looks than what holds: it may have come within reach and not be believed yet.
-    if verdict.satisfied and unsure and (once_more or (dropped.goals and many_more)):
+    if verdict.satisfied and unsure and (once_more or (gave_up and many_more)):
         reason = f"{_listed(sorted(unsure))} could be surer"
         return Decision(DecisionKind.LOOK_AGAIN, f"nothing is left to do, but {reason}", tuple(sorted(unsure)))
-    if verdict.satisfied and not dropped.goals:
-        return _stop(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", tuple(goal))
+    if verdict.satisfied and not gave_up:
+        return _stop(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", _atoms(goal))
     if verdict.satisfied:
-        reason, named = "what was left of the goal is seen to hold", tuple(dropped.goals)
+        reason, named = "what was left of the goal is seen to hold", _atoms(dropped.goals)
+        back = _conjuncts(dropped.goals)
         if dropped.plan is not None:
-            return Decision(DecisionKind.REPLAN, f"{reason}; there is a plan for {_literals(dropped.goals)} now", named)
-        return _stop(OutcomeKind.PARTIAL, f"{reason}; {_literals(dropped.goals)} was given up: {dropped.why}", named)
+            return Decision(DecisionKind.REPLAN, f"{reason}; there is a plan for {back} now", named)
+        return _stop(OutcomeKind.PARTIAL, f"{reason}; {back} was given up: {dropped.why}", named)
     wrong, unknown = tuple(sorted(verdict.violated)), tuple(sorted(verdict.unknown))
     missing = _joined(
         f"not seen as the goal has it: {_listed(wrong)}" if wrong else "",
@@ -260,10 +265,10 @@ def finish(
     return _stop(outcome, f"the goal is believed to hold, but {missing} in {_looks(checks)}", unknown)
 
 
-def finish_blind(goal: Facts) -> Decision:
+def finish_blind(goal: Condition) -> Decision:
     """Nothing is left to do for an executive that does not look: it believes what it assumed."""
     reason = "the plan is carried out; nobody looked whether the goal holds"
-    return _stop(OutcomeKind.PLAN_COMPLETED, reason, tuple(goal))
+    return _stop(OutcomeKind.PLAN_COMPLETED, reason, _atoms(goal))
 
 
 def exhausted(settings: Settings, **used: float) -> Decision | None:
@@ -276,24 +281,24 @@ def exhausted(settings: Settings, **used: float) -> Decision | None:
 
 
 def largest_reachable(
-    goal: Facts, plan_for: Callable[[Facts], Plan | None], max_plans: int
-) -> tuple[Facts, Plan | None]:
-    """The largest part of `goal` for which there is a plan, and the plan; no facts and None when there is no such part.
+    goal: Condition, plan_for: Callable[[Condition], Plan | None], max_plans: int
+) -> tuple[Condition, Plan | None]:
+    """The largest part of `goal` for which there is a plan, and the plan; nothing and None when there is no such part.
 
-    What cannot be reached alone cannot be reached with more, so each literal is tried alone, then all that have a plan
-    together, then one fewer, and so on. After `max_plans` of these combinations the part is grown one literal at a
+    What cannot be reached alone cannot be reached with more, so each conjunct is tried alone, then all that have a plan
+    together, then one fewer, and so on. After `max_plans` of these combinations the part is grown one conjunct at a
     time instead, which ends with a part that nothing can be added to but perhaps not with the largest.
     """
-    alone = {atom: plan for atom in goal if (plan := plan_for(goal.only([atom]))) is not None}
-    together = (atoms for size in range(len(alone), 1, -1) for atoms in combinations(alone, size))
-    for atoms in islice(together, max_plans):
-        if (plan := plan_for(goal.only(atoms))) is not None:
-            return goal.only(atoms), plan
-    kept: tuple[Atom, ...] = ()
+    alone = {part: plan for part in goal.conjuncts if (plan := plan_for(part)) is not None}
+    together = (parts for size in range(len(alone), 1, -1) for parts in combinations(alone, size))
+    for parts in islice(together, max_plans):
+        if (plan := plan_for(goal.only(parts))) is not None:
+            return goal.only(parts), plan
+    kept: tuple[Condition, ...] = ()
     best: Plan | None = None
-    for atom in alone:
-        if (plan := plan_for(goal.only((*kept, atom))) if kept else alone[atom]) is not None:
-            kept, best = (*kept, atom), plan
+    for part in alone:
+        if (plan := plan_for(goal.only((*kept, part))) if kept else alone[part]) is not None:
+            kept, best = (*kept, part), plan
     return goal.only(kept), best
 
 
@@ -349,8 +354,12 @@ def _listed(things: Collection[object], most: int = 4) -> str:
     return f"{shown} and {len(things) - most} more" if len(things) > most else shown
 
 
-def _literals(facts: Facts) -> str:
-    return _listed(facts.literals())
+def _conjuncts(condition: Condition) -> str:
+    return _listed(condition.texts())
+
+
+def _atoms(condition: Condition) -> tuple[Atom, ...]:
+    return tuple(sorted(condition.atoms))
 
 
 def _joined(*parts: str) -> str:

@@ -17,8 +17,10 @@ from executive.core.compare import bearing, compare, outlook, progress
 from executive.core.policy import Doubts, Dropped, Failures, Turn
 from executive.core.settings import Settings
 from executive.types import (
+    ALWAYS,
     Atom,
     Belief,
+    Condition,
     Decision,
     DecisionKind,
     Ended,
@@ -31,6 +33,7 @@ from executive.types import (
     SkillResult,
     Step,
     Task,
+    Verdict,
 )
 
 MIN_PROBABILITY = 0.02
@@ -82,7 +85,7 @@ class RunState:
     """
 
     task: Task
-    goal: Facts
+    goal: Condition
     known: Facts
     memory: Memory = None
     judgement: Judgement | None = None
@@ -128,8 +131,8 @@ class RunState:
         return self.moment.looks > 0 and self.moment.asked.issuperset(self.task.atoms)
 
     @property
-    def given_up(self) -> Facts:
-        return self.task.goal.without(self.goal)
+    def given_up(self) -> Condition:
+        return self.task.goal.without(self.goal.conjuncts)
 
     def failing(self, step: Step, known: Facts) -> Failures:
         """How often the step has failed, if it fails now, with `known` known before it."""
@@ -145,7 +148,7 @@ class RunState:
                 later = leeway is Leeway.LAST and self.actions > stuck.actions
                 if stuck.times > 1 or not (changed or later):
                     found.add(step)
-            state = progress(state, step)
+            state = progress(state, step, self.task.derived)
         return frozenset(found)
 
     def questions(self, most: int) -> tuple[Atom, ...]:
@@ -153,9 +156,9 @@ class RunState:
         doubt, and the goal."""
         left = self.left[1:] if self.report else self.left
         matters = (
-            self.report.step.effects if self.report else (),
-            left[0].preconditions if left else (),
-            self.goal,
+            self.report.step.affects if self.report else (),
+            self._asked_for(left[0].precondition) if left else (),
+            self._asked_for(self.goal),
         )
         probability = self.judgement.probability if self.judgement else {}
         return questions(self.task.atoms, matters, probability, most)
@@ -175,18 +178,41 @@ class RunState:
 
     def unsure_of_goal(self, sure: float) -> tuple[Atom, ...]:
         """What the goal hangs on and is not sure; where some of it was given up, that may be anything."""
-        return self.unsure(self.task.atoms if self.given_up else self.goal, sure)
+        if self.given_up != ALWAYS:
+            return self.unsure(self.task.atoms, sure)
+        unsure = self.unsure(self._asked_for(self.goal), sure)
+        # A disjunction that holds by what is sure hangs on nothing else.
+        left, plain = self.completed(self.seen.without(unsure)), self.goal.facts
+        hanging = [part for part in self.goal.conjuncts if part.truth(left) is not True]
+        kept = frozenset(self._asked_for(Condition.all_of(hanging)))
+        return tuple(atom for atom in unsure if atom in plain or atom in kept)
 
     def claimable(self, claim: float) -> Facts:
-        """What is seen, without those literals of the goal that hold with a probability of less than `claim`."""
+        """What is seen, without those literals of the goal that hold with a probability of less than `claim`, and
+        without whatever else the goal hangs on and is not that sure."""
         if self.judgement is None or self.judgement.thresholded:
             return self.seen
-        doubtful = self.unsure(self.goal, claim)
-        return self.seen.without([atom for atom in doubtful if self.seen.get(atom) is self.goal[atom]])
+        doubtful, plain = self.unsure(self._asked_for(self.goal), claim), self.goal.facts
+        return self.seen.without([atom for atom in doubtful if atom not in plain or self.seen.get(atom) is plain[atom]])
 
-    def dropped(self, plan: Plan | None, reached: Facts) -> Dropped:
+    def completed(self, facts: Facts) -> Mapping[Atom, bool]:
+        """The facts with the derived atoms that follow from them."""
+        return self.task.derived.complete(facts)
+
+    def compared(self, condition: Condition, facts: Facts) -> tuple[Facts, Verdict]:
+        """The literals by which a condition is judged where `facts` hold, and what becomes of each."""
+        known = self.completed(facts)
+        expected = condition.decisive(known)
+        return expected, compare(expected, known)
+
+    def _asked_for(self, condition: Condition) -> tuple[Atom, ...]:
+        """The atoms that a condition hangs on and that can be asked about, its literals first."""
+        atoms = (*condition.facts, *sorted(condition.atoms.difference(condition.facts)))
+        return self.task.derived.support(atoms)
+
+    def dropped(self, plan: Plan | None, reached: Condition) -> Dropped:
         """What was given up; `plan` is for as much of it as is in `reached`, if there is one."""
-        back = self.given_up.only(reached)
+        back = self.given_up.only(reached.conjuncts)
         return Dropped(self.given_up if plan is None else back, self.given_up_why, plan)
 
     def unsure(self, atoms: Iterable[Atom], sure: float) -> tuple[Atom, ...]:
@@ -202,10 +228,11 @@ class RunState:
     def grounded(self, decision: Decision) -> Decision:
         """The decision with what is believed now of the atoms that spoke for it, and with what the skill said."""
         probability = self.judgement.probability if self.judgement else {}
+        known = self.completed(self.seen if self.moment.looks else self.known)
 
         def ground(atom: Atom) -> Ground:
-            expected = self.moment.expected.get(atom, self.goal.get(atom))
-            believed = self.seen.get(atom) if self.moment.looks else self.known.get(atom)
+            expected = self.moment.expected.get(atom, self.goal.facts.get(atom))
+            believed = known.get(atom)
             return Ground(atom, expected, believed, probability.get(atom), *self.source.get(atom, (-1, ())))
 
         return replace(decision, grounds=tuple(map(ground, decision.evidence)), report=self.report)
@@ -253,7 +280,11 @@ class RunState:
 
     def whole_goal_seen(self) -> RunState:
         """What was given up is gone for again, if all of the goal is seen to hold."""
-        return replace(self, goal=self.task.goal) if self.seen.entails(self.task.goal) else self
+        return replace(self, goal=self.task.goal) if self.holds(self.task.goal, self.seen) else self
+
+    def holds(self, condition: Condition, facts: Facts) -> bool:
+        """Whether a condition holds where `facts` do; not, where that is unknown."""
+        return condition.truth(self.completed(facts)) is True
 
     @property
     def possible(self) -> tuple[Atom, ...]:
@@ -278,14 +309,14 @@ class RunState:
         """Some of the goal is about to be left out of what is planned for."""
         return replace(self, given_up_why=why)
 
-    def planned(self, plan: Plan, goal: Facts) -> RunState:
+    def planned(self, plan: Plan, goal: Condition) -> RunState:
         """A plan for `goal`, the task's or what is left of it, is taken up."""
         replans, todo = self.replans + (self.plan is not None), tuple(range(len(plan.steps)))
         return replace(self, goal=goal, plan=plan.steps, todo=todo, attempt=1, replans=replans)
 
     def dispatched(self) -> RunState:
         """The next step is handed to its skill: its effects are expected, and that all else stays."""
-        expected = progress(self.known, self.left[0])
+        expected = progress(self.known, self.left[0], self.task.derived)
         moment = Moment(expected, self.known, observation_id=self.moment.observation_id)
         return replace(self, moment=moment, actions=self.actions + 1)
 
@@ -327,7 +358,8 @@ class RunState:
         step, *left = self.left
         moment, judgement = self.moment, self.judgement
         verdict = compare(self.expected, self.seen)
-        view = outlook(step, left, self.state, self.goal, surprised=bool(verdict.violated))
+        rules, seen = self.task.derived, self.seen
+        view = outlook(step, left, self.state, self.goal, bool(verdict.violated), rules, seen)
         ages = {atom: judgement.age(atom) if judgement else None for atom in sorted(view.needed - self.seen.keys())}
         return Turn(
             step=step,
@@ -351,8 +383,8 @@ class RunState:
         return Ended(
             decision.outcome,
             decision.reason,
-            goal_seen=reached and self.moment.looks > 0 and self.seen.entails(goal),
-            unreached=goal.without(compare(goal, self.known).holds).literals(),
+            goal_seen=reached and self.moment.looks > 0 and self.holds(goal, self.seen),
+            unreached=tuple(str(part) for part in goal.conjuncts if not self.holds(part, self.known)),
             cycles=self.cycle,
             actions=self.actions,
             replans=self.replans,

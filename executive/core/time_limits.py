@@ -20,6 +20,7 @@ from executive.protocols import Asking, Estimator, Planner, Preparing, Skill, Sk
 from executive.types import (
     Atom,
     Belief,
+    Condition,
     Evidence,
     Facts,
     NoPlan,
@@ -109,7 +110,7 @@ class _Planner:
         self._planner, self._seconds = planner, seconds
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         limit = min(self._seconds, seconds)
         try:

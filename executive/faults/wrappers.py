@@ -20,6 +20,7 @@ from executive.protocols import Asking, Estimator, Planner, Skill, SkillContext,
 from executive.types import (
     Atom,
     Belief,
+    Condition,
     DepthImage,
     Evidence,
     Facts,
@@ -214,7 +215,7 @@ class _Planner:
         self._planner, self._faults = planner, faults
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         for place, fault in self._faults.felt("planner"):
             crashed = fault.way == "crash"

@@ -31,7 +31,7 @@ from executive.domain.pddl import Action, Equality, Literal, Schema
 from executive.errors import MissingError
 from executive.planning.goal_order import by_goals, holds, replay
 from executive.planning.sas_task import OUT_OF_TIME, SOLVED, UNSOLVABLE, Grounded, find_engine, last_words, size
-from executive.types import Atom, Facts, NoPlan, NoPlanReason, Plan, Step
+from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Step
 
 ENGINE = "fast-downward"
 _TICK = 0.02
@@ -121,14 +121,20 @@ class FastDownwardPlanner:
         threading.Thread(target=prepare, name="planner-warm-up", daemon=True).start()
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         """A plan from `state` to `goal`, or why there is none; see `executive.protocols.Planner`.
 
         Raises:
-            ValueError: an atom that the task does not have.
+            ValueError: an atom that the task does not have, or a goal that is no conjunction of literals.
             MissingError: Fast Downward is not installed.
         """
+        wanted = goal.literals
+        if wanted is None:
+            raise ValueError(f"{goal}: only a conjunction of literals can be planned for")
+        return self._plan(state, wanted, avoid, seconds)
+
+    def _plan(self, state: Facts, goal: Facts, avoid: frozenset[Step], seconds: float) -> Plan | NoPlan:
         unknown = (state.keys() | goal.keys()) - self._atoms
         if unknown:
             raise ValueError(f"the task has no atom {', '.join(map(str, sorted(unknown)))}")

@@ -22,9 +22,9 @@ def replay(true: AbstractSet[Atom], steps: Sequence[Step]) -> frozenset[Atom] | 
     """The atoms that are true after the steps, or None when a precondition fails on the way."""
     current = set(true)
     for step in steps:
-        if not holds(current, step.preconditions):
+        if not holds(current, step.precondition.facts):
             return None
-        current = (current - step.effects.false) | step.effects.true
+        current = (current - step.unconditional.false) | step.unconditional.true
     return frozenset(current)
 
 
@@ -70,9 +70,9 @@ def _towards(true: AbstractSet[Atom], steps: Sequence[Step], atom: Atom, value: 
     chosen: set[int] = set()
     for index in reversed(range(len(steps))):
         step = steps[index]
-        provided = {(a, v) for a, v in needed if step.effects.get(a) is v}
+        provided = {(a, v) for a, v in needed if step.unconditional.get(a) is v}
         if provided:
             chosen.add(index)
             needed -= provided
-            needed |= {(a, v) for a, v in step.preconditions.items() if (a in true) is not v}
+            needed |= {(a, v) for a, v in step.precondition.facts.items() if (a in true) is not v}
     return frozenset(chosen)

@@ -223,7 +223,7 @@ def _moves(schema: Schema, deadline: float) -> list[_Move]:
             _in_time(deadline)
             with contextlib.suppress(ValueError):  # this one contradicts itself
                 step = schema.ground(name, args)
-                found.append(_Move(step.preconditions.true, step.effects.true, frozenset(step.effects)))
+                found.append(_Move(step.precondition.facts.true, step.unconditional.true, frozenset(step.affects)))
     return found
 
 

@@ -113,14 +113,14 @@ class Grounded:
             for args in schema.typing.tuples([kind for _, kind in action.parameters]):
                 with contextlib.suppress(ValueError):  # this one contradicts itself
                     step = schema.ground(name, args)
-                    if not step.preconditions.entails(step.effects):
+                    if not step.precondition.facts.entails(step.unconditional):
                         self._operators.append(self._operator(len(self._steps), step))
                         self._steps.append(step)
-                        for atom, value in step.effects.items():
+                        for atom, value in step.unconditional.items():
                             self._makes.setdefault(atom, set()).add(value)
                 yield
         for step in self._steps:
-            fixed = ((atom, value) for atom, value in step.preconditions.items() if atom not in self._makes)
+            fixed = ((atom, value) for atom, value in step.precondition.facts.items() if atom not in self._makes)
             self._fixed.append(tuple(fixed))
             yield
 
@@ -138,7 +138,7 @@ class Grounded:
             text
             for step, text, fixed in zip(self._steps, self._operators, self._fixed, strict=True)
             if all((atom in true) is value for atom, value in fixed)
-            and not (lasting and lasting.issuperset(step.effects))
+            and not (lasting and lasting.issuperset(step.affects))
             and not (avoid and step in avoid)
         ]
         return "\n".join(
@@ -187,8 +187,8 @@ class Grounded:
         return None if told is None else int(told[1])
 
     def _operator(self, number: int, step: Step) -> str:
-        needs = {self._number[atom]: 0 if value else 1 for atom, value in step.preconditions.items()}
-        gives = {self._number[atom]: 0 if value else 1 for atom, value in step.effects.items()}
+        needs = {self._number[atom]: 0 if value else 1 for atom, value in step.precondition.facts.items()}
+        gives = {self._number[atom]: 0 if value else 1 for atom, value in step.unconditional.items()}
         kept = [f"{atom} {value}" for atom, value in needs.items() if gives.get(atom, value) == value]
         changed = [
             f"0 {atom} {needs.get(atom, -1)} {value}" for atom, value in gives.items() if needs.get(atom) != value

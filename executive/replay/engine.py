@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 from executive.app.resume import remembered
 from executive.belief import Monitor
-from executive.core.compare import regress
+from executive.core.compare import reaches
 from executive.core.loop import Executive
 from executive.core.observer import Look
 from executive.core.policy import exhausted
@@ -30,6 +30,7 @@ from executive.protocols import SkillContext
 from executive.replay.record import Action, Decided, Part, Record
 from executive.types import (
     Atom,
+    Condition,
     Decision,
     Event,
     Facts,
@@ -53,7 +54,7 @@ class Replay:
     decisions: tuple[Decided, ...]
     end: str = ""
     parted: bool = False
-    asked: Mapping[int, tuple[Facts, Facts]] = field(default_factory=lambda: MappingProxyType({}))
+    asked: Mapping[int, tuple[Facts, Condition]] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def replay(record: Record, monitor: Monitor, before: Replay | None = None) -> Replay:
@@ -97,9 +98,9 @@ class _RecordEndsError(ExecutiveError):
 class _Reel:
     """The record's parts, taken in order. `known` are the states and goals of then, where they are known."""
 
-    def __init__(self, record: Record, known: Mapping[int, tuple[Facts, Facts]] | None) -> None:
+    def __init__(self, record: Record, known: Mapping[int, tuple[Facts, Condition]] | None) -> None:
         self._record, self._parts, self._known, self._at = record, record.parts, known, 0
-        self.asked: dict[int, tuple[Facts, Facts]] = {}
+        self.asked: dict[int, tuple[Facts, Condition]] = {}
 
     def look(self, cause: str) -> Look:
         for number, part in self._here():
@@ -109,14 +110,14 @@ class _Reel:
         self._end(f"it looks again ({cause})")
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         for number, part in self._here():
             if isinstance(part, Plan | NoPlan | Probed):
                 self._check(number, part, state, goal, avoid)
                 self._at, self.asked[number] = number + 1, (state, goal)
                 return part if not isinstance(part, Probed) else part.plan or part.no_plan or _never()
-        self._end(f"it plans anew, for {_listed(goal.literals())}")
+        self._end(f"it plans anew, for {_listed(goal.texts())}")
 
     @property
     def is_over(self) -> bool:
@@ -142,11 +143,11 @@ class _Reel:
             yield number, part
 
     def _check(
-        self, number: int, answer: Plan | NoPlan | Probed, state: Facts, goal: Facts, avoid: frozenset[Step]
+        self, number: int, answer: Plan | NoPlan | Probed, state: Facts, goal: Condition, avoid: frozenset[Step]
     ) -> None:
         """Whether the planner would say so of this state and goal, too, if it is to avoid those steps."""
         if isinstance(answer, Probed) and answer.goal != goal:
-            self._end(f"it asks for a plan for {_listed(goal.literals())}")
+            self._end(f"it asks for a plan for {_listed(goal.texts())}")
         said = (answer.plan or answer.no_plan) if isinstance(answer, Probed) else answer
         without = tuple(sorted(map(str, avoid)))
         if said is None or said.without != without:
@@ -154,8 +155,8 @@ class _Reel:
         if self._known is None or self._known.get(number) == (state, goal):
             return
         plan = answer.plan if isinstance(answer, Probed) else answer
-        needed = regress(plan.steps, goal) if isinstance(plan, Plan) else None
-        if needed is None or not state.entails(needed):
+        rules = self._record.started.task.derived
+        if not isinstance(plan, Plan) or not reaches(plan.steps, state, goal, rules):
             there = self._known.get(number, (Facts(), goal))[0]
             other = [literal for literal in state.literals() if literal not in there.literals()]
             self._end(f"it plans from another state ({_listed(other)})")

@@ -15,7 +15,18 @@ import numpy as np
 
 from executive.errors import InputError, nearest
 from executive.protocols import SkillContext
-from executive.types import Atom, Belief, Frame, Observation, Phase, Scenery, SkillResult, SkillStatus, Step
+from executive.types import (
+    Atom,
+    Belief,
+    DerivedRules,
+    Frame,
+    Observation,
+    Phase,
+    Scenery,
+    SkillResult,
+    SkillStatus,
+    Step,
+)
 
 ACTION_SECONDS = 1.0
 """How long every action takes, in seconds of the world's clock."""
@@ -37,6 +48,7 @@ class SymbolicWorld:
         flip: how often the sensor says the opposite of what is so.
         seed: fixes the sensor's errors.
         first_observation: the number of the first observation.
+        rules: how derived atoms follow from the others.
 
     Raises:
         ValueError: the flip rate is not from 0 to less than 0.5.
@@ -53,12 +65,14 @@ class SymbolicWorld:
         flip: float = 0.0,
         seed: int = 0,
         first_observation: int = 0,
+        rules: DerivedRules | None = None,
     ) -> None:
         if not 0.0 <= flip < 0.5:
             raise ValueError(f"flip: a share from 0 to less than 0.5 is expected, got {flip}")
         holding = frozenset(true)
         self._index = {atom: number for number, atom in enumerate(sorted(atoms))}
         self._state = {atom: atom in holding for atom in self._index}
+        self._rules = rules or DerivedRules()
         self._seen: tuple[int, Mapping[Atom, bool]] = (-1, {})
         self._next_action, self._flip, self._seed = next_action, flip, seed
         self._time, self._observations, self._ineffective = 0.0, first_observation, False
@@ -166,10 +180,11 @@ class SymbolicWorld:
         return SkillResult(step, SkillStatus.DONE, "", ACTION_SECONDS, ACTION_SECONDS)
 
     def _possible(self, step: Step) -> bool:
-        return all(self._state[atom] is value for atom, value in step.preconditions.items())
+        return step.precondition.truth(self._rules.complete(self._state)) is True
 
     def _change(self, step: Step) -> None:
-        self._state.update(step.effects)
+        changes = step.changes(self._rules.complete(self._state))  # all told, as the state is complete
+        self._state.update({atom: bool(value) for atom, value in changes.items()})
 
 
 class SymbolicSkill:

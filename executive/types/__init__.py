@@ -1,10 +1,11 @@
 """The values that flow through the executive. All are frozen; none depends on a planner, a model or a simulator.
 
-An *atom* is a grounded predicate, *facts* are signed atoms, a *belief* has a probability for each atom after a look, a
+An *atom* is a grounded predicate, *facts* are signed atoms, a *condition* is a formula over atoms, a *belief* has a probability for each atom after a look, a
 *verdict* is the result of comparing an expectation with a belief.
 """
 
 from executive.types.actions import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
+from executive.types.conditions import ALWAYS, NEVER, Condition, DerivedRules
 from executive.types.decisions import Decision, DecisionKind, Ground, OutcomeKind
 from executive.types.events import Compared, Ended, Event, FaultInjected, Payload, Resumed, Revised, Started, Timing
 from executive.types.facts import Atom, DepthImage, Facts, FloatArray, Image
@@ -24,20 +25,25 @@ from executive.types.observations import (
     Verdict,
 )
 from executive.types.scenes import Camera, Frame, Geometry, Scenery
-from executive.types.tasks import NoPlan, NoPlanReason, Plan, Probed, Step, Task
+from executive.types.tasks import Effect, NoPlan, NoPlanReason, Plan, Probed, Step, Task
 
 __all__ = [
+    "ALWAYS",
     "COMPILE",
+    "NEVER",
     "Atom",
     "Belief",
     "Blinded",
     "Camera",
     "Compared",
+    "Condition",
     "Contradiction",
     "Decision",
     "DecisionKind",
     "DepthImage",
+    "DerivedRules",
     "Dispatched",
+    "Effect",
     "Ended",
     "Event",
     "Evidence",

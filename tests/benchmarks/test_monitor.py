@@ -141,14 +141,14 @@ def test_the_courier_plans_what_can_be_carried_out() -> None:
     everywhere = {at(thing, PLACES[(number + 1) % 3]) for number, thing in enumerate(THINGS)}
     full = {atom for atom in everywhere if atom.args[0] != "c"} | {held("c")}
     for true in (everywhere | {FREE}, full):
-        plan = courier.plan(Facts.closed(true, some.atoms), GOAL)
+        plan = courier.plan(Facts.closed(true, some.atoms), some.goal)
         assert isinstance(plan, Plan)
         state = set(true)
         for step in plan.steps:
-            assert all((atom in state) is value for atom, value in step.preconditions.items())
-            state = (state - step.effects.false) | step.effects.true
+            assert all((atom in state) is value for atom, value in step.precondition.facts.items())
+            state = (state - step.unconditional.false) | step.unconditional.true
         assert state >= GOAL.true
-    assert isinstance(courier.plan(Facts.closed({FREE}, some.atoms), GOAL), NoPlan)
+    assert isinstance(courier.plan(Facts.closed({FREE}, some.atoms), some.goal), NoPlan)
 
 
 def test_the_command_goes_on_where_it_was_left(

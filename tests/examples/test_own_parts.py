@@ -15,11 +15,11 @@ from executive.domain.scaffold import create
 from executive.protocols import SkillContext
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
-from executive.types import Atom, Facts, SkillStatus, Step
+from executive.types import Atom, SkillStatus, Step
 from tests.docs.following import ROOT, blocks
 
 UPRIGHT = Atom("upright", ("blue-tin",))
-WAIT = Step("wait", (), Facts(), Facts())
+WAIT = Step.strips("wait", ())
 
 
 @pytest.fixture

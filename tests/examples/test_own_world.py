@@ -71,7 +71,7 @@ class TestTake(_OnTheBoard):
 
     def step(self, cup: str) -> Step:
         after = Facts({held("red"): True, contained("red", cup): False, Atom("free"): False})
-        return Step("take", ("red", cup), Facts({contained("red", cup): True, Atom("free"): True}), after)
+        return Step.strips("take", ("red", cup), Facts({contained("red", cup): True, Atom("free"): True}), after)
 
 
 class TestPut(_OnTheBoard):
@@ -86,7 +86,7 @@ class TestPut(_OnTheBoard):
 
     def step(self, marble: str) -> Step:
         after = Facts({contained(marble, "right"): True, held(marble): False, Atom("free"): True})
-        return Step("put", (marble, "right"), Facts({held(marble): True}), after)
+        return Step.strips("put", (marble, "right"), Facts({held(marble): True}), after)
 
 
 @pytest.mark.parametrize("red", [*CUPS, HAND])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import get_args
 
 from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, World
-from executive.types import Atom, Facts, Observation, Payload, Step
+from executive.types import Atom, Condition, Facts, Observation, Payload, Step
 from tests.contracts import (
     EVERY_PAYLOAD,
     EstimatorContract,
@@ -37,10 +37,10 @@ class TestFakePlanner(PlannerContract):
     def make(self) -> Planner:
         return FakePlanner(steps_of(THINGS))
 
-    def solvable(self) -> tuple[Facts, Facts]:
+    def solvable(self) -> tuple[Facts, Condition]:
         return Facts.closed({at("a", "p"), at("b", "q"), FREE}, THINGS.atoms), THINGS.goal
 
-    def unsolvable(self) -> tuple[Facts, Facts]:
+    def unsolvable(self) -> tuple[Facts, Condition]:
         return Facts.closed({at("b", "q"), FREE}, THINGS.atoms), THINGS.goal
 
 

@@ -10,7 +10,7 @@ from executive.skills import arm
 from executive.skills.arm import Attempt
 from executive.skills.clear_view import aside, home, view_points
 from executive.skills.place import place
-from executive.types import Facts, Sense, SkillResult, SkillStatus, Step
+from executive.types import Sense, SkillResult, SkillStatus, Step
 from tests.executive.sim.stage import TABLES, grocery
 from tests.skills.test_skills import Robot, other
 
@@ -24,14 +24,14 @@ def robot() -> Robot:
 
 
 def hidden(robot: Robot, *tables: str) -> int:
-    attempt = Attempt(Step("look", tables, Facts(), Facts()), robot._context())
+    attempt = Attempt(Step("look", tables), robot._context())
     attempt.update_collisions(attempt.held())
     cameras = np.stack(list(attempt.handle.camera_positions.values()))
     return attempt.arm.collision.hides(attempt.body.joints(), cameras, view_points(attempt))
 
 
 def bring(robot: Robot, skill: Skill, *tables: str) -> float:
-    result = skill(Step("look", tables, Facts(), Facts()), robot._context())
+    result = skill(Step("look", tables), robot._context())
     assert result.status is SkillStatus.DONE, result.reason
     return result.seconds
 
@@ -63,7 +63,7 @@ def doubted(robot: Robot, target: str) -> SkillResult:
         robot.world.handle, robot.rng, robot._hear, lambda: False,
         lambda: "it is gone" if robot.world.time > start + 0.8 else "",
     )  # fmt: skip
-    return place(Step("place", ("soda-can", target), Facts(), Facts()), context)
+    return place(Step("place", ("soda-can", target)), context)
 
 
 def test_a_hand_that_is_not_sure_heeds_what_others_see_and_stays_closed(

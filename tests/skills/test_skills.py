@@ -30,10 +30,10 @@ class Robot:
         self.truth = Truth(world, MEANING)
 
     def pick(self, item: str, table: str) -> SkillResult:
-        return pick(Step("pick", (item, table), Facts(), Facts()), self._context())
+        return pick(Step("pick", (item, table)), self._context())
 
     def place(self, item: str, table: str) -> SkillResult:
-        return place(Step("place", (item, table), Facts(), Facts()), self._context())
+        return place(Step("place", (item, table)), self._context())
 
     def table_of(self, item: str) -> str:
         return next(t for t in TABLES if self.so(f"on-table({item},{t})"))
@@ -78,11 +78,11 @@ class TestPick(_OnTheRobot):
 
     def possible(self) -> Step:
         source = self.table(grocery(seed=20))
-        return Step("pick", ("bread-loaf", source), Facts(), Facts.parse("robot-gripping(bread-loaf)"))
+        return Step.strips("pick", ("bread-loaf", source), Facts(), Facts.parse("robot-gripping(bread-loaf)"))
 
     def misplaced(self) -> Step:
         elsewhere = other(self.table(grocery(seed=20)))
-        return Step("pick", ("bread-loaf", elsewhere), Facts(), Facts.parse("robot-gripping(bread-loaf)"))
+        return Step.strips("pick", ("bread-loaf", elsewhere), Facts(), Facts.parse("robot-gripping(bread-loaf)"))
 
 
 class TestPlace(_OnTheRobot):
@@ -93,11 +93,11 @@ class TestPlace(_OnTheRobot):
 
     def possible(self) -> Step:
         target = other(self.table(grocery(seed=20)))
-        return Step("place", ("bread-loaf", target), Facts(), Facts.parse(f"on-table(bread-loaf,{target})"))
+        return Step.strips("place", ("bread-loaf", target), Facts(), Facts.parse(f"on-table(bread-loaf,{target})"))
 
     def misplaced(self) -> Step:
         target = other(Robot(grocery(seed=20)).table_of("lemon"))
-        return Step("place", ("lemon", target), Facts(), Facts.parse(f"on-table(lemon,{target})"))
+        return Step.strips("place", ("lemon", target), Facts(), Facts.parse(f"on-table(lemon,{target})"))
 
 
 def other(table: str) -> str:
@@ -170,7 +170,7 @@ def test_a_drop_is_felt_and_ends_the_skill_early() -> None:
             robot.world.schedule(0.4 * event.seconds, drop)
 
     context = SkillContext(robot.world.handle, robot.rng, drop_in_transfer, lambda: False)
-    result = place(Step("place", ("soda-can", other(source)), Facts(), Facts()), context)
+    result = place(Step.strips("place", ("soda-can", other(source))), context)
     assert result.status is SkillStatus.DROPPED
     assert result.planned_seconds > result.seconds + 0.3
     assert not robot.so("robot-gripping(soda-can)")
@@ -297,7 +297,7 @@ def test_a_full_hand_does_not_pick() -> None:
 def test_an_action_with_other_parameters_is_the_domains_mistake(skill: Skill, args: tuple[str, ...]) -> None:
     robot = Robot(grocery(seed=20, items=("lemon",)))
     with pytest.raises(InputError, match=r"actions\.move: the skill takes an item and a table, not move\("):
-        skill(Step("move", args, Facts(), Facts()), robot._context())
+        skill(Step("move", args), robot._context())
 
 
 def test_grasps_close_across_what_fits_and_reach_down() -> None:

@@ -21,7 +21,8 @@ from executive.domain.pddl.schema import (
     literals,
 )
 from executive.errors import DomainError, nearest
-from executive.types import Atom, Facts, Task
+from executive.types import ALWAYS, Atom, Task
+from executive.types import Condition as Goal
 
 MOST_ATOMS = 10_000
 """Every atom is a question to the estimator at every look; a task with more of them was not meant for one. What is
@@ -215,7 +216,7 @@ def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> 
     static = words.predicates.keys() - changed.union(seen) if source.actions else ()
     parameters = {name: known for name, known in words.parameters.items() if name not in static}
     numeric, atoms = tuple(words.functions), _atoms(words, file, static)
-    return Task(source.name, file.name, dict(words.objects), atoms, Facts(), parameters=parameters, numeric=numeric)
+    return Task(source.name, file.name, dict(words.objects), atoms, ALWAYS, parameters=parameters, numeric=numeric)
 
 
 def _declared(source: PddlFile) -> _Words:
@@ -339,7 +340,7 @@ def _schema(
         problem.name,
         dict(words.objects),
         atoms,
-        Facts(goals),
+        Goal.of(goals),
         frozenset(atom for atom, (value, _) in staged.items() if value),
         {name: known for name, known in words.parameters.items() if name not in static},
         static=facts,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
-from executive.types import Atom, Facts, Step, Task
+from executive.types import Atom, Step, Task
 
 OBJECT = "object"
 """The type that every other type descends from."""
@@ -149,7 +149,7 @@ class Schema:
             for args in self.typing.tuples([kind for _, kind in action.parameters]) if adds & predicates else ():
                 with suppress(ValueError):  # this one can never be carried out
                     step = self.ground(name, args)
-                    found |= {step} if step.effects.true.intersection(atoms) else set()
+                    found |= {step} if step.unconditional.true.intersection(atoms) else set()
         return frozenset(found)
 
     def ground(self, name: str, args: Sequence[str]) -> Step:
@@ -185,4 +185,4 @@ class Schema:
         changes = [c for c in self.typing.expand(action.effects, binding) if isinstance(c, Literal)]
         deletes = {Atom(c.predicate, c.terms): False for c in changes if not c.positive}
         adds = {Atom(c.predicate, c.terms): True for c in changes if c.positive}
-        return Step(name, tuple(args), Facts(preconditions), Facts({**deletes, **adds}))
+        return Step.strips(name, tuple(args), preconditions, {**deletes, **adds})

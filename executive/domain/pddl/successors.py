@@ -25,7 +25,7 @@ def draw_action(
     facts: dict[str, list[tuple[str, ...]]] = {}
     for atom in (*schema.task.static, *(atom for atom, value in state.items() if value)):
         facts.setdefault(atom.predicate, []).append(atom.args)
-    tries = iter(range(MOST_TRIES))
+    tries, known = iter(range(MOST_TRIES)), schema.task.derived.complete(state)
     for number in rng.permutation(len(schema.actions)):
         action = schema.actions[sorted(schema.actions)[number]]
         needs = [each for each in action.preconditions if isinstance(each, Literal) and each.positive]
@@ -36,8 +36,8 @@ def draw_action(
             args = tuple(binding[variable] for variable, _ in action.parameters)
             with suppress(ValueError):  # an instance that can never be carried out
                 step = schema.ground(action.name, args)
-                possible = all(state[atom] is value for atom, value in step.preconditions.items())
-                changes = any(state[atom] is not value for atom, value in step.effects.items())
+                possible = step.precondition.truth(known)
+                changes = any(state[atom] is not value for atom, value in step.changes(known).items())
                 if possible and changes and set(about) <= set(args):
                     return step
     return None

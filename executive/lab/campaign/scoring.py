@@ -21,6 +21,7 @@ from executive.types import (
     SkillResult,
     Started,
     Step,
+    Task,
 )
 
 UNSEEN = ("estimator",)
@@ -70,14 +71,15 @@ class Scorer:
     def __init__(self, truth: Callable[[], Facts], looks: bool, own: Collection[str] = ()) -> None:
         self._truth, self._looks, self._own = truth, looks, frozenset(own)
         self._last: tuple[Compared, Facts] | None = None
-        self._goal, self._left = Facts(), tuple[Step, ...]()
+        self._task: Task | None = None
+        self._left = tuple[Step, ...]()
         self._plan: tuple[Step, ...] | None = None
         self.tally = Tally()
 
     def write(self, event: Event) -> None:
         match event.payload:
             case Started(task=task):
-                self._goal = task.goal
+                self._task = task
             case Plan(steps=steps):
                 self._plan = self._left = steps
             case Dispatched(index=index) if self._plan is not None:
@@ -98,8 +100,9 @@ class Scorer:
                 if self._last is not None:
                     self._count(*self._last)
                     self._last = None
-                if kind is DecisionKind.REPLAN and self._plan is not None:
-                    self.tally.needless += remaining(self._left, self._truth(), self._goal) is not None
+                if kind is DecisionKind.REPLAN and self._plan is not None and self._task is not None:
+                    goal, rules = self._task.goal, self._task.derived
+                    self.tally.needless += remaining(self._left, self._truth(), goal, rules) is not None
 
     def close(self) -> None:
         pass

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from executive.app.worlds import load_skills
+from executive.core.compare import progress
 from executive.domain.loader import Domain
 from executive.domain.pddl import Schema
 from executive.errors import ExecutiveError
@@ -100,7 +101,8 @@ class Collector:
         points: list[Point] = []
         facts, failures = truth.of(atoms), 0
         while True:
-            applicable = [step for step in self._steps if facts.entails(step.preconditions)]
+            known = self.domain.task.derived.complete(facts)
+            applicable = [step for step in self._steps if step.precondition.truth(known)]
             if not applicable:
                 ending = Ending.STUCK
                 break
@@ -145,7 +147,7 @@ class Collector:
 
     def _point(self, number: int, index: int, step: Step, world: MujocoWorld, before: Facts, facts: Facts) -> Point:
         look = world.observe(f"after {step}")
-        expected = before | step.effects
+        expected = progress(before, step, self.domain.task.derived)
         return Point(
             seed=self._seed,
             episode=number,

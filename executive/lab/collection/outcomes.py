@@ -64,9 +64,9 @@ def _transitions(
 def _begun(point: Point, step: Step) -> Facts:
     """The state that a completed action began in. Effects that came about are taken to have been changes, and those
     that did not to have changed nothing."""
-    surprising = {atom: not point.facts[atom] for atom in point.surprises if atom not in step.effects}
-    undone = {atom: not value for atom, value in step.effects.items() if point.facts[atom] is value}
-    return point.facts | surprising | undone | step.preconditions
+    surprising = {atom: not point.facts[atom] for atom in point.surprises if atom not in step.affects}
+    undone = {atom: not value for atom, value in step.unconditional.items() if point.facts[atom] is value}
+    return point.facts | surprising | undone | step.precondition.facts
 
 
 def _parsed(action: str, schema: Schema) -> Step:

@@ -18,7 +18,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from executive import types as values
-from executive.types import Atom, Facts
+from executive.types import ALWAYS, Atom, Condition, Effect, Facts, Step
 from executive.util.files import legible
 
 JsonValue = Any
@@ -47,6 +47,10 @@ def encode(value: Any) -> JsonValue:
             return str(value)
         case Facts():
             return list(value.literals())
+        case Condition():
+            return list(value.texts())
+        case Step():
+            return _written_step(value)
         case int() | np.integer():
             return int(value)
         case float() | np.floating():
@@ -134,6 +138,46 @@ def _object(cls: type, data: JsonValue) -> Any:
         raise ValueError(str(error)) from None
 
 
+def _written_step(step: Step) -> JsonValue:
+    """Literals that come about whatever holds are written as they are, any other effect with its condition."""
+    effects: list[JsonValue] = []
+    for effect in step.effects:
+        literals = encode(effect.facts)
+        effects += literals if effect.condition == ALWAYS else [{"when": encode(effect.condition), "then": literals}]
+    parts = {"action": encode(step.action), "args": encode(step.args), "preconditions": encode(step.precondition)}
+    return {**parts, "effects": effects, **({} if step.cost == 1.0 else {"cost": encode(step.cost)})}
+
+
+_STEP: Mapping[str, Callable[[JsonValue], Any]] = {
+    "action": lambda data: _text(data),
+    "args": lambda data: decode(tuple[str, ...], data),
+    "preconditions": lambda data: decode(Condition, data),
+    "effects": lambda data: _read_effects(data),
+    "cost": lambda data: _number(data),
+}
+
+
+def _read_step(data: JsonValue) -> Step:
+    parts: dict[str, Any] = {"cost": 1.0, **_expect(dict, "an object (Step)", data)}
+    read = []
+    for name, decoder in _STEP.items():
+        if name not in parts:
+            raise ValueError(f"{name} is missing")
+        try:
+            read.append(decoder(parts[name]))
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+    return Step(*read)
+
+
+def _read_effects(data: JsonValue) -> tuple[Effect, ...]:
+    listed = _expect(list, "a list", data)
+    plain = decode(Facts, [each for each in listed if not isinstance(each, dict)])
+    conditional = (each for each in listed if isinstance(each, dict))
+    effects = [Effect(decode(Condition, each.get("when")), decode(Facts, each.get("then"))) for each in conditional]
+    return (*((Effect(ALWAYS, plain),) if plain else ()), *effects)
+
+
 @functools.cache
 def _hints(cls: type) -> dict[str, Any]:
     return get_type_hints(cls)
@@ -147,6 +191,8 @@ _LEAVES: Mapping[Any, Callable[[JsonValue], Any]] = {
     float: _number,
     Atom: lambda data: Atom.parse(_expect(str, "an atom", data)),
     Facts: lambda data: Facts.parse(*(_expect(str, "a literal", item) for item in _expect(list, "a list", data))),
+    Condition: lambda data: Condition.parse(*map(_text, _expect(list, "a list", data))),
+    Step: _read_step,
     values.FloatArray: _array,
     values.Image: _picture,
     values.DepthImage: _picture,

@@ -106,7 +106,7 @@ def print_lines(lines: Iterable[str], stream: TextIO) -> None:
 
 
 def _opening(started: Started) -> list[str]:
-    goal = ", ".join(started.task.goal.literals()) or "nothing"
+    goal = ", ".join(started.task.goal.texts()) or "nothing"
     who = "nobody looks" if started.is_blind else f"seen by {started.estimator}"
     return [
         f"{started.domain}, {started.task.problem}, seed {started.seed}, {who}.",

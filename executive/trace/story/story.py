@@ -18,6 +18,7 @@ from executive.types import (
     Belief,
     Blinded,
     Compared,
+    Condition,
     Contradiction,
     Decision,
     DecisionKind,
@@ -147,10 +148,12 @@ class Story:
         return sum(decision.kind is DecisionKind.RETRY for _, decision in self.decisions)
 
     def unreached(self) -> tuple[str, ...]:
-        """The literals of the goal that the last looks did not show."""
-        goal = self.started.task.goal if self.started else Facts()
-        held = {atom: probability >= 0.5 for atom, probability in self.probability.items()}
-        return Facts({atom: value for atom, value in goal.items() if held.get(atom) is not value}).literals()
+        """The parts of the goal that the last looks did not show."""
+        if self.started is None:
+            return ()
+        task = self.started.task
+        held = task.derived.complete({atom: probability >= 0.5 for atom, probability in self.probability.items()})
+        return tuple(str(part) for part in task.goal.conjuncts if part.truth(held) is not True)
 
     @property
     def is_blind(self) -> bool:
@@ -159,10 +162,10 @@ class Story:
 
     @property
     def goal_count(self) -> tuple[int, int] | None:
-        """How many literals of the goal are believed to hold, and how many there are; None before the first look."""
+        """How many parts of the goal are believed to hold, and how many there are; None before the first look."""
         if self.started is None or not self.probability:
             return None
-        total = len(self.started.task.goal)
+        total = len(self.started.task.goal.conjuncts)
         return total - len(self.unreached()), total
 
     @property
@@ -283,11 +286,11 @@ class Story:
         line = self._current
         if compared.what != "effects" or line is None or line.result is None:
             return
-        wrong = sorted(compared.verdict.violated & line.step.effects.keys())
+        wrong = sorted(compared.verdict.violated & frozenset(line.step.affects))
         if wrong:
             line.mark = Mark.FAILED
             line.note = line.note or f"{'not ' * compared.expected[wrong[0]]}{wrong[0]}"
-        elif not compared.verdict.unknown & line.step.effects.keys():
+        elif not compared.verdict.unknown & frozenset(line.step.affects):
             line.mark, line.note = Mark.DONE, ""  # whatever its skill says: it is seen to be done
 
     def _subject(self, compared: Compared) -> Step | None:
@@ -295,7 +298,7 @@ class Story:
         if compared.what == "effects":
             return self._current.step if self._current else None
         for line in self.plans[-1].lines if self.plans else ():
-            if line.mark is not Mark.DONE and line.step.preconditions == compared.expected:
+            if line.mark is not Mark.DONE and _is_of(compared.expected, line.step.precondition):
                 return line.step
         return None
 
@@ -326,3 +329,8 @@ class Story:
                 self._current.mark = Mark.DONE if reached else Mark.FAILED
                 self._current.note = "" if reached else str(ended.outcome)
             self._drop_rest()
+
+
+def _is_of(expected: Facts, condition: Condition) -> bool:
+    """Whether these may be the literals by which a condition was judged."""
+    return expected == condition.literals or (bool(condition.choices) and condition.atoms.issuperset(expected))

@@ -188,7 +188,7 @@ def _atom_lines(story: Story) -> list[Text]:
     wrong = sum(line.standing is not Standing.EXPECTED for line in lines)
     step = story.compared_step if compared.what == "effects" else None
     shown = [
-        line for line in lines if line.standing is not Standing.EXPECTED or step is None or line.atom in step.effects
+        line for line in lines if line.standing is not Standing.EXPECTED or step is None or line.atom in step.affects
     ]
     head = Text(f"seen {title}{about}: ")
     head.append("as expected", "green") if not wrong else head.append(f"{wrong} of {len(lines)} not as expected", "red")

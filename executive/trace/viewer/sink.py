@@ -200,7 +200,7 @@ class RerunSink:
             self._arranged = arranged
             shown = Shown(cameras, pictures, is_blind=story.is_blind)
             if is_over:
-                goal = story.started.task.goal if story.started else ()
+                goal = story.started.task.goal.atoms if story.started else ()
                 words, curves = self._beliefs.telling(goal, WORDS, CURVES)
                 shown = replace(shown, words=words, curves=curves, seconds=self._time)
             memory.send_blueprint(self._record, APPLICATION, blueprint(shown))

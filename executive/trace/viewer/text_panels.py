@@ -135,7 +135,7 @@ def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
     compared = story.compared
     step = story.compared_step if compared is not None and compared.what == "effects" else None
     wanted = [
-        line for line in lines if line.standing is not Standing.EXPECTED or step is None or line.atom in step.effects
+        line for line in lines if line.standing is not Standing.EXPECTED or step is None or line.atom in step.affects
     ]
     return wanted
 

@@ -9,7 +9,7 @@ import pytest
 from executive.app.run import Run, RunConfig
 from executive.domain.scaffold import create
 from executive.errors import DomainError
-from executive.types import Ended, Facts, NoPlan, NoPlanReason, OutcomeKind, Plan
+from executive.types import Condition, Ended, Facts, NoPlan, NoPlanReason, OutcomeKind, Plan
 from tests.fakes import Recorder
 
 TRAY = """
@@ -61,7 +61,7 @@ def test_no_plan_puts_anything_where_it_does_not_fit(workshop: Path) -> None:
     with prepared(workshop, PLACED, "(on crate tray) (on red-block light-table)") as run:
         planner, task = run.executive.planner, run.domain.task
         state = run.truth.of(task.atoms)
-        whole, part = planner.plan(state, task.goal), planner.plan(state, BLOCK)
+        whole, part = planner.plan(state, task.goal), planner.plan(state, Condition.of(BLOCK))
         assert isinstance(whole, NoPlan)
         assert (whole.reason, whole.detail) == (NoPlanReason.UNSOLVABLE, WHY)
         assert isinstance(part, Plan)
@@ -70,9 +70,9 @@ def test_no_plan_puts_anything_where_it_does_not_fit(workshop: Path) -> None:
             "put-down(red-block,light-table)",
         ]
         held = state | Facts.parse("holding(crate)", "not on(crate,dark-table)", "not hand-empty()")
-        assert isinstance(planner.plan(held, BLOCK), Plan), "the hand is emptied where there is room"
+        assert isinstance(planner.plan(held, Condition.of(BLOCK)), Plan), "the hand is emptied where there is room"
         there = state | CRATE
-        assert isinstance(planner.plan(there, CRATE), Plan), "it is there already"
+        assert isinstance(planner.plan(there, Condition.of(CRATE)), Plan), "it is there already"
 
 
 def test_what_init_says_and_the_scene_is_not_is_refused_with_its_line(workshop: Path) -> None:

@@ -124,7 +124,7 @@ def live(folder: Path, pipe: int, faults: tuple[str, ...], seed: int, blind: boo
         since = past.resumed(past.restore(world))
         known = past.assumed() if blind else Facts()
         memory = None if blind else past.memory(monitor)
-        run_state = RunState(TASK, GOAL, known, memory).resumed(since)
+        run_state = RunState(TASK, TASK.goal, known, memory).resumed(since)
     skill = FakeSkill()
     executive = make_executive(
         TASK,

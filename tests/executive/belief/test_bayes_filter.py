@@ -139,7 +139,7 @@ def test_what_came_of_an_action_is_told_by_all_answers_together(place: str) -> N
     step = put(thing, place)
     memory = NOISY.acted(settled(NOISY, where), step, SkillResult(step, SkillStatus.DONE))
     moved = truth({**where, thing: place})
-    for wrong in (frozenset[Atom](), *(frozenset([atom]) for atom in step.effects)):
+    for wrong in (frozenset[Atom](), *(frozenset([atom]) for atom in step.unconditional)):
         _, judgement = after(NOISY, answers(moved, wrong), memory=memory)
         assert judgement.came_about is not None
         assert judgement.came_about > 0.8
@@ -155,9 +155,9 @@ def test_what_cannot_be_seen_keeps_its_value_and_age_and_never_takes_an_effect_f
     memory, _ = after(SURE, answers(truth(where)), cycle=3)
     step = pick("cup", "desk")
     memory = SURE.acted(memory, step, SkillResult(step, SkillStatus.DONE))
-    visible = truth(where).without([*step.effects, at("jug", "rack")])
+    visible = truth(where).without([*step.unconditional, at("jug", "rack")])
     memory, judgement = after(SURE, answers(visible), memory=memory, cycle=5)
-    for atom in step.effects:
+    for atom in step.unconditional:
         assert judgement.truth(atom) is None
         assert judgement.remembered[atom].value is truth(where)[atom]
         assert judgement.age(atom) == 2
@@ -265,7 +265,7 @@ def test_whatever_a_skill_says_two_looks_tell_what_is_so(status: SkillStatus) ->
 def test_without_groups_each_atom_is_on_its_own() -> None:
     lamps = tuple(Atom("lit", (name,)) for name in "abc")
     monitor = BayesMonitor(MutexNetwork(lamps), SensorModel(other=ErrorModel(0.1, 0.1)))
-    step = Step("press", ("a",), Facts(), Facts({lamps[0]: True}))
+    step = Step.strips("press", ("a",), Facts(), Facts({lamps[0]: True}))
     memory, judgement = after(monitor, Belief(0, dict.fromkeys(lamps, 0.0)))
     assert judgement.probability == pytest.approx(dict.fromkeys(lamps, 0.1))
     memory = monitor.acted(memory, step, SkillResult(step, SkillStatus.DONE))

@@ -45,7 +45,7 @@ def test_questions_grow_with_the_step_and_the_goal_and_not_with_their_product() 
         things, places = [f"t{n}" for n in range(count)], [f"p{n}" for n in range(count)]
         atoms = (*(at(thing, place) for thing in things for place in places), *map(held, things), FREE)
         goal = [at(thing, places[0]) for thing in things]
-        matters = (pick("t0", "p1").effects, put("t0", "p0").preconditions, goal)
+        matters = (pick("t0", "p1").unconditional, put("t0", "p0").precondition.facts, goal)
         asked = questions(atoms, matters, dict.fromkeys(atoms, 0.0), 60)
         assert len(asked) == count + 3
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.core.compare import compare, outlook, progress, regress, remaining
-from executive.types import Atom, Facts, Plan, Step
+from executive.core.compare import compare, outlook, progress, reaches, remaining
+from executive.types import Atom, Condition, Facts, Plan, Step
 from tests.fakes import FREE, FakePlanner, at, held, pick, put, steps_of, task
 
 UNIVERSE = [Atom("p", (str(name),)) for name in "abcde"]
 partial = st.dictionaries(st.sampled_from(UNIVERSE), st.booleans()).map(Facts)
 complete = st.tuples(*(st.booleans() for _ in UNIVERSE)).map(lambda values: Facts(zip(UNIVERSE, values, strict=True)))
 small = st.dictionaries(st.sampled_from(UNIVERSE), st.booleans(), max_size=2).map(Facts)
-steps = st.lists(st.builds(Step, st.just("do"), st.just(()), small, small), max_size=5)
+steps = st.lists(st.builds(Step.strips, st.just("do"), st.just(()), small, small), max_size=5)
 
 THINGS = task(["a", "b"], ["p", "q", "r"], Facts({at("a", "q"): True, at("b", "r"): True}))
 places = st.sampled_from(["p", "q", "r"])
@@ -22,7 +22,7 @@ places = st.sampled_from(["p", "q", "r"])
 def carried_out(some: list[Step], state: Facts) -> Facts | None:
     """What holds after the steps, or None when one of them could not be done: the plain meaning of a plan."""
     for step in some:
-        if not state.entails(step.preconditions):
+        if not step.precondition.truth(state):
             return None
         state = progress(state, step)
     return state
@@ -44,24 +44,36 @@ def test_a_sign_that_is_turned_round_turns_the_verdict_round(expected: Facts, se
     assert (opposite.holds, opposite.violated, opposite.unknown) == (verdict.violated, verdict.holds, verdict.unknown)
 
 
-@given(complete, st.builds(Step, st.just("do"), st.just(()), small, small))
+@given(complete, st.builds(Step.strips, st.just("do"), st.just(()), small, small))
 def test_progress_changes_the_effects_alone(state: Facts, step: Step) -> None:
     after = progress(state, step)
-    assert after.entails(step.effects)
-    assert after.without(step.effects) == state.without(step.effects)
+    assert after.entails(step.unconditional)
+    assert after.without(step.unconditional) == state.without(step.unconditional)
 
 
 @given(steps, complete, partial)
-def test_regression_says_exactly_from_where_a_plan_reaches_its_goal(
+def test_a_plan_reaches_its_goal_exactly_where_all_of_it_can_be_done(
     some: list[Step], state: Facts, goal: Facts
 ) -> None:
-    needed, end = regress(some, goal), carried_out(some, state)
-    assert (needed is not None and state.entails(needed)) == (end is not None and end.entails(goal))
+    end = carried_out(some, state)
+    assert reaches(some, state, Condition.of(goal)) == (end is not None and end.entails(goal))
+
+
+@given(steps, complete, partial)
+def test_a_plan_hangs_on_the_atoms_without_which_it_is_open_whether_it_goes_through(
+    some: list[Step], state: Facts, goal: Facts
+) -> None:
+    wanted = Condition.of(goal)
+    if not reaches(some, state, wanted):
+        return
+    view = outlook(pick("a", "p"), some, state, wanted, surprised=False)
+    assert view.needed == {atom for atom in state if not reaches(some, state.without([atom]), wanted)}
+    assert reaches(some, state.only(view.needed), wanted)
 
 
 @given(steps, complete, partial)
 def test_what_remains_of_a_plan_can_be_done_and_reaches_the_goal(some: list[Step], state: Facts, goal: Facts) -> None:
-    left = remaining(some, state, goal)
+    left = remaining(some, state, Condition.of(goal))
     if left is None:
         whole = carried_out(some, state)
         assert whole is None or not whole.entails(goal), "a plan that still stands is never given up"
@@ -79,9 +91,9 @@ def test_a_plan_replayed_through_compare_holds(first: str, second: str) -> None:
     plan = FakePlanner(steps_of(THINGS)).plan(state, THINGS.goal)
     assert isinstance(plan, Plan)
     for step in plan.steps:
-        assert compare(step.preconditions, state).satisfied
+        assert step.precondition.truth(state)
         state = progress(state, step)
-    assert compare(THINGS.goal, state).satisfied
+    assert THINGS.goal.truth(state)
 
 
 def test_helpful_changes_leave_out_exactly_what_they_did() -> None:

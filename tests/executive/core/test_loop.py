@@ -25,6 +25,7 @@ from executive.trace.report.summary import summarise
 from executive.types import (
     Atom,
     Belief,
+    Condition,
     Decision,
     DecisionKind,
     Dispatched,
@@ -162,7 +163,7 @@ class Chaos:
         return self.dice.random() if wrong and self.dice.random() < 0.3 else float(truth is not wrong)
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         self.maybe_break()
         if self.dice.random() < self.mishap / 4:
@@ -586,7 +587,7 @@ def test_goals_that_hold_are_kept_without_asking_the_planner() -> None:
     stage = Stage(goal, {"a": FLOOR, "b": "r"})
     ended = stage.play()
     assert (ended.outcome, ended.unreached, ended.actions) == (OutcomeKind.PARTIAL, ("at(a,q)",), 0)
-    assert [asked for _, asked in stage.planner.asked] == [goal, goal, goal.only([at("a", "q")]), goal]
+    assert [asked.facts for _, asked in stage.planner.asked] == [goal, goal, goal.only([at("a", "q")]), goal]
 
 
 class Compiled:

@@ -15,7 +15,9 @@ from executive.core import policy
 from executive.core.policy import Doubts, Dropped, Failures, Turn
 from executive.core.settings import Settings
 from executive.types import (
+    ALWAYS,
     Atom,
+    Condition,
     Decision,
     DecisionKind,
     Facts,
@@ -25,6 +27,7 @@ from executive.types import (
     Plan,
     SkillResult,
     SkillStatus,
+    Step,
     Verdict,
 )
 from tests.fakes import FREE, at, held, pick, put
@@ -221,32 +224,52 @@ def test_every_turn_is_decided_within_its_budget_and_with_a_reason(
         assert given_up == some.failures.too_many(some.result.status, settings)
 
 
+def before(step: Step, verdict: Verdict, waits: int, failures: Failures, settings: Settings) -> Decision | None:
+    return policy.before(step, step.precondition.facts, verdict, waits, failures, settings)
+
+
 def test_a_step_begins_when_its_preconditions_are_known_to_hold() -> None:
     step = pick("a", "p")
-    assert policy.before(step, Verdict(holds=frozenset(step.preconditions)), 0, ONCE, SETTINGS) is None
+    assert (
+        policy.before(
+            step, step.precondition.facts, Verdict(holds=frozenset(step.precondition.facts)), 0, ONCE, SETTINGS
+        )
+        is None
+    )
 
 
 def test_a_precondition_is_waited_for_a_few_looks_and_then_is_a_failure() -> None:
     step = pick("a", "p")
     verdict = Verdict(frozenset({FREE}), frozenset({at("a", "p")}))
     for waits in range(SETTINGS.precondition_wait):
-        decision = policy.before(step, verdict, waits, ONCE, SETTINGS)
+        decision = before(step, verdict, waits, ONCE, SETTINGS)
         assert decision is not None
         assert decision.kind is DecisionKind.LOOK_AGAIN
-    failed = policy.before(step, verdict, SETTINGS.precondition_wait, ONCE, SETTINGS)
+    failed = before(step, verdict, SETTINGS.precondition_wait, ONCE, SETTINGS)
     assert failed == Decision(DecisionKind.REPLAN, "pick(a,p) cannot begin: at(a,p) does not hold", (at("a", "p"),))
-    given_up = policy.before(step, verdict, SETTINGS.precondition_wait, times(SETTINGS.max_retries + 2), SETTINGS)
+    given_up = policy.before(
+        step, step.precondition.facts, verdict, SETTINGS.precondition_wait, times(SETTINGS.max_retries + 2), SETTINGS
+    )
     assert given_up is not None
     assert given_up.kind is DecisionKind.GIVE_UP_GOAL
 
 
 def test_an_unknown_precondition_is_never_taken_for_true() -> None:
-    step = replace(STEP, preconditions=Facts({held("a"): True, FREE: False}))
-    unknown = policy.before(step, Verdict(unknown=frozenset({held("a"), FREE})), 2, ONCE, SETTINGS)
+    step = replace(STEP, precondition=Condition.of({held("a"): True, FREE: False}))
+    unknown = policy.before(
+        step, step.precondition.facts, Verdict(unknown=frozenset({held("a"), FREE})), 2, ONCE, SETTINGS
+    )
     assert unknown is not None
     assert unknown.kind is DecisionKind.REPLAN
     assert unknown.reason == "place(a,q) cannot begin: held(a) was never seen"
-    closed = policy.before(step, Verdict(holds=frozenset({held("a")}), unknown=frozenset({FREE})), 0, ONCE, SETTINGS)
+    closed = policy.before(
+        step,
+        step.precondition.facts,
+        Verdict(holds=frozenset({held("a")}), unknown=frozenset({FREE})),
+        0,
+        ONCE,
+        SETTINGS,
+    )
     assert closed is None, "what was planned from is false where nothing is known"
 
 
@@ -292,15 +315,15 @@ def test_what_is_not_sure_is_looked_at_as_often_as_allowed_before_a_goal_is_give
     assert unplanned(unsolvable, SETTINGS.max_looks_again + 1, unsure=(FREE,)).kind is DecisionKind.GIVE_UP_GOAL
 
 
-GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
+GOAL = Condition.of({at("a", "q"): True, at("b", "r"): True})
 
 
 def test_success_is_a_goal_that_is_seen() -> None:
     def finish(verdict: Verdict, checks: int = 1, unsure: tuple[Atom, ...] = ()) -> Decision:
-        return policy.finish(GOAL, verdict, unsure, checks, Dropped(Facts()), SETTINGS)
+        return policy.finish(GOAL, verdict, unsure, checks, Dropped(ALWAYS), SETTINGS)
 
-    one, other = sorted(GOAL)
-    assert finish(Verdict(frozenset(GOAL))).outcome is OutcomeKind.GOAL_REACHED
+    one, other = sorted(GOAL.facts)
+    assert finish(Verdict(GOAL.atoms)).outcome is OutcomeKind.GOAL_REACHED
     wrong, unknown = (
         Verdict(frozenset({one}), frozenset({other})),
         Verdict(frozenset({one}), unknown=frozenset({other})),
@@ -311,12 +334,12 @@ def test_success_is_a_goal_that_is_seen() -> None:
     unseen = finish(unknown, SETTINGS.max_looks_again + 1)
     assert unseen.outcome is OutcomeKind.PARTIAL
     assert unseen.reason == "the goal is believed to hold, but cannot tell at(b,r) in 4 looks"
-    assert finish(Verdict(unknown=frozenset(GOAL)), 4).outcome is OutcomeKind.GAVE_UP
+    assert finish(Verdict(unknown=GOAL.atoms), 4).outcome is OutcomeKind.GAVE_UP
 
 
 def test_what_was_given_up_is_tried_again_or_named() -> None:
     verdict = Verdict(frozenset({at("a", "q")}))
-    kept, dropped = GOAL.only([at("a", "q")]), GOAL.only([at("b", "r")])
+    kept, dropped = Condition.literal(at("a", "q")), Condition.literal(at("b", "r"))
     partial = policy.finish(kept, verdict, (), 1, Dropped(dropped, "b is out of reach"), SETTINGS)
     assert partial.outcome is OutcomeKind.PARTIAL
     assert partial.reason.endswith("at(b,r) was given up: b is out of reach")
@@ -329,19 +352,19 @@ def test_what_was_given_up_is_tried_again_or_named() -> None:
 
 def test_giving_up_names_what_is_left() -> None:
     cause = Decision(DecisionKind.GIVE_UP_GOAL, "pick(b,p) failed")
-    some = policy.given_up(cause, GOAL, GOAL.only([at("a", "q")]), is_stuck=True)
+    some = policy.given_up(cause, GOAL, Condition.literal(at("a", "q")), is_stuck=True)
     assert some.kind is DecisionKind.GIVE_UP_GOAL
     assert some.reason == "pick(b,p) failed; giving up at(b,r), going for at(a,q)"
     assert some.evidence == (at("b", "r"),)
-    assert policy.given_up(cause, GOAL, Facts(), is_stuck=True).outcome is OutcomeKind.GAVE_UP
-    assert policy.given_up(cause, GOAL, Facts(), is_stuck=False).outcome is OutcomeKind.NO_PLAN
+    assert policy.given_up(cause, GOAL, ALWAYS, is_stuck=True).outcome is OutcomeKind.GAVE_UP
+    assert policy.given_up(cause, GOAL, ALWAYS, is_stuck=False).outcome is OutcomeKind.NO_PLAN
     assert policy.given_up(cause, GOAL, GOAL, is_stuck=False).kind is DecisionKind.REPLAN
 
 
-def solver(reachable: Callable[[frozenset[Atom]], bool], asked: list[Facts]) -> Callable[[Facts], Plan | None]:
-    def plan_for(goal: Facts) -> Plan | None:
+def solver(reachable: Callable[[frozenset[Atom]], bool], asked: list[Condition]) -> Callable[[Condition], Plan | None]:
+    def plan_for(goal: Condition) -> Plan | None:
         asked.append(goal)
-        return Plan((), float(len(goal)), "", 0.0) if reachable(frozenset(goal)) else None
+        return Plan((), float(len(goal.facts)), "", 0.0) if reachable(goal.atoms) else None
 
     return plan_for
 
@@ -354,35 +377,37 @@ conflicts = st.lists(st.frozensets(st.sampled_from(literals), min_size=1, max_si
 @example([frozenset({literals[0], literals[1]}), frozenset({literals[0], literals[2]})], 3)
 def test_the_part_that_is_kept_is_the_largest_that_can_be_reached(taboo: list[frozenset[Atom]], count: int) -> None:
     """Goals conflict when they contain a taboo set: the general shape of what cannot be had together."""
-    goal = Facts(dict.fromkeys(literals[:count], True))
+    goal = Condition.of(dict.fromkeys(literals[:count], True))
 
     def reachable(chosen: frozenset[Atom]) -> bool:
         return not any(conflict <= chosen for conflict in taboo)
 
-    asked: list[Facts] = []
+    asked: list[Condition] = []
     kept, plan = policy.largest_reachable(goal, solver(reachable, asked), 64)
-    best = max(size for size in range(count + 1) if any(reachable(frozenset(c)) for c in combinations(goal, size)))
-    assert len(kept) == best
-    assert goal.entails(kept)
+    best = max(
+        size for size in range(count + 1) if any(reachable(frozenset(c)) for c in combinations(goal.atoms, size))
+    )
+    assert len(kept.facts) == best
+    assert goal.facts.entails(kept.facts)
     assert (plan is None) == (best == 0)
-    assert plan is None or plan.cost == len(kept), "the plan is the one for what is kept"
-    assert len(asked) <= 2 ** len(goal)
+    assert plan is None or plan.cost == len(kept.facts), "the plan is the one for what is kept"
+    assert len(asked) <= 2 ** len(goal.facts)
 
 
 @given(conflicts, st.integers(0, 5))
 def test_with_few_questions_allowed_what_is_kept_cannot_be_extended(taboo: list[frozenset[Atom]], most: int) -> None:
-    goal = Facts(dict.fromkeys(literals, True))
+    goal = Condition.of(dict.fromkeys(literals, True))
 
     def reachable(chosen: frozenset[Atom]) -> bool:
         return not any(conflict <= chosen for conflict in taboo)
 
-    asked: list[Facts] = []
+    asked: list[Condition] = []
     kept, plan = policy.largest_reachable(goal, solver(reachable, asked), most)
-    assert reachable(frozenset(kept))
-    assert (plan is None) == (not kept)
-    for atom in goal.keys() - kept.keys():
-        assert not reachable(frozenset(kept) | {atom})
-    assert len(asked) <= 2 * len(goal) + most
+    assert reachable(kept.atoms)
+    assert (plan is None) == (kept == ALWAYS)
+    for atom in goal.atoms - kept.atoms:
+        assert not reachable(kept.atoms | {atom})
+    assert len(asked) <= 2 * len(goal.facts) + most
 
 
 def test_each_budget_ends_the_run_by_its_name() -> None:

@@ -10,6 +10,7 @@ from executive.belief.threshold import ThresholdMonitor
 from executive.core.run_state import Leeway, RunState
 from executive.types import (
     Belief,
+    Condition,
     Decision,
     DecisionKind,
     Facts,
@@ -51,8 +52,8 @@ def dispatched(run_state: RunState, result: SkillResult | None = None) -> RunSta
 
 
 def planned() -> RunState:
-    run_state = RunState(TASK, GOAL, Facts(), MONITOR.begin())
-    return looked(run_state, START, 0).planned(Plan(STEPS, 4.0, "", 0.0), GOAL)
+    run_state = RunState(TASK, TASK.goal, Facts(), MONITOR.begin())
+    return looked(run_state, START, 0).planned(Plan(STEPS, 4.0, "", 0.0), TASK.goal)
 
 
 def test_a_plan_is_carried_out_step_by_step() -> None:
@@ -88,7 +89,7 @@ def test_a_failure_is_counted_where_the_step_was_begun_from() -> None:
     assert run_state.failing(STEPS[0], START | {at("b", "p"): False, at("b", "r"): True}) == (1, 4), "b was in the way"
     assert run_state.failing(STEPS[0], START | {at("b", "q"): True}) == (4, 4), "b elsewhere has nothing to do with it"
     assert run_state.failing(STEPS[2], START) == (1, 1)
-    assert run_state.planned(Plan(STEPS, 4.0, "", 0.0), GOAL).attempt == 1
+    assert run_state.planned(Plan(STEPS, 4.0, "", 0.0), TASK.goal).attempt == 1
 
 
 def test_a_step_that_comes_out_is_stuck_no_longer_and_its_failures_are_counted_anew() -> None:
@@ -128,7 +129,7 @@ def test_a_stuck_step_is_worth_one_more_try_when_nothing_else_is_left_to_do() ->
 
 
 def test_what_a_look_did_not_ask_about_is_no_doubt_but_what_it_could_not_tell_is() -> None:
-    run_state, effects = dispatched(planned()), GRIPPED.only(STEPS[0].effects)
+    run_state, effects = dispatched(planned()), GRIPPED.only(STEPS[0].unconditional)
     result = SkillResult(STEPS[0], SkillStatus.DONE)
     focused = looked(run_state, effects, 1)
     assert focused.expected == effects
@@ -145,8 +146,8 @@ def test_a_small_task_is_asked_about_whole_and_a_large_one_where_it_matters() ->
     run_state = dispatched(planned())
     assert run_state.questions(len(TASK.atoms)) == TASK.atoms
     few = run_state.questions(7)
-    assert set(few) == {*STEPS[0].effects, *STEPS[1].preconditions, *GOAL}
-    assert few[:3] == tuple(STEPS[0].effects), "what the step was to change comes first"
+    assert set(few) == {*STEPS[0].unconditional, *STEPS[1].precondition.facts, *GOAL}
+    assert few[:3] == tuple(STEPS[0].unconditional), "what the step was to change comes first"
     assert run_state.questions(4) == few[:4]
 
 
@@ -191,9 +192,13 @@ def test_a_goal_is_seen_by_the_looks_after_the_last_action() -> None:
 
 
 def test_given_up_goals_are_those_that_are_no_longer_gone_for() -> None:
-    rest = GOAL.only([at("b", "r")])
+    rest = Condition.literal(at("b", "r"))
     run_state = planned().giving_up("a is gone").planned(Plan((), 0.0, "", 0.0), rest)
-    assert (run_state.goal, run_state.given_up, run_state.given_up_why) == (rest, GOAL.without(rest), "a is gone")
+    assert (run_state.goal, run_state.given_up, run_state.given_up_why) == (
+        rest,
+        Condition.literal(at("a", "q")),
+        "a is gone",
+    )
     assert run_state.replans == 1
 
 

@@ -165,7 +165,7 @@ def test_06_a_precondition_that_comes_true_while_waiting_lets_the_step_begin() -
 
 def test_06_what_is_waited_for_is_no_error_of_the_eye() -> None:
     """The looks before said otherwise, and were right."""
-    late = Step("place", ("a", "q"), Facts({held("a"): True, at("b", "r"): True}), put("a", "q").effects)
+    late = Step.strips("place", ("a", "q"), Facts({held("a"): True, at("b", "r"): True}), put("a", "q").unconditional)
     stage = Stage(A_TO_Q, {"a": "p", "b": "p"})
     stage.planner = FakePlanner([], [Plan((pick("a", "p"), late), 2.0, "", 0.0), Plan((late,), 1.0, "", 0.0)])
     stage.estimator = ScriptedEstimator(
@@ -458,7 +458,9 @@ def test_22_a_negative_precondition_is_judged_by_its_sign() -> None:
 
     def onto_free(thing: str, place: str, other: str) -> Step:
         step = put(thing, place)
-        return Step(step.action, step.args, step.preconditions | {at(other, place): False}, step.effects)
+        return Step.strips(
+            step.action, step.args, step.precondition.facts | {at(other, place): False}, step.unconditional
+        )
 
     stage = Stage(A_TO_Q, {"a": "p", "b": "q"}, script={2: "no path"})
     steps = [pick("a", "p"), pick("b", "q"), put("b", "r"), put("b", "p"), onto_free("a", "q", "b")]
@@ -472,7 +474,7 @@ def test_22_a_negative_precondition_is_judged_by_its_sign() -> None:
 
 
 def test_22_a_negative_precondition_that_is_violated_is_not_dispatched() -> None:
-    step = Step("place", ("a", "q"), Facts({held("a"): True, at("b", "q"): False}), put("a", "q").effects)
+    step = Step.strips("place", ("a", "q"), Facts({held("a"): True, at("b", "q"): False}), put("a", "q").unconditional)
     stage = Stage(A_TO_Q, {"a": "hand", "b": "q"})
     stage.planner = FakePlanner([], [Plan((step,), 1.0, "a planner with a bug", 0.0)] * 9)
     ended = stage.play()
@@ -589,7 +591,9 @@ def test_30_a_plan_without_the_step_that_is_stuck_is_asked_for_before_a_goal_is_
 def test_30_another_way_to_the_same_goal_is_taken_and_nothing_given_up() -> None:
     stage = hanging_on(put("a", "q"), one())
     first = put("a", "q")
-    by_the_side = Step("place", ("a", "q"), first.preconditions | {at("a", "p"): False}, first.effects)
+    by_the_side = Step.strips(
+        "place", ("a", "q"), first.precondition.facts | {at("a", "p"): False}, first.unconditional
+    )
     stage.planner = FakePlanner([*steps_of(stage.task), by_the_side])
     ended = stage.play()
     assert (ended.outcome, stage.goal_true, ended.unreached) == (OutcomeKind.GOAL_REACHED, True, ())

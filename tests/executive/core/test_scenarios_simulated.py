@@ -29,6 +29,7 @@ from executive.types import (
     Belief,
     Blinded,
     Compared,
+    Condition,
     Decision,
     DecisionKind,
     Dispatched,
@@ -174,7 +175,7 @@ def test_07_the_world_changes_between_planning_and_the_first_dispatch(prepared: 
         planned = 0
 
         def plan(
-            self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+            self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
         ) -> Plan | NoPlan:
             found = planner.plan(state, goal, avoid, seconds)
             self.planned += 1

@@ -27,8 +27,10 @@ from executive.protocols import Asking, Sink, SkillContext, Tell
 from executive.trace.record.log import EVENTS_FILE, EventLog, read_events
 from executive.trace.record.snapshots import Snapshots
 from executive.types import (
+    ALWAYS,
     Atom,
     Belief,
+    Condition,
     Ended,
     Event,
     Facts,
@@ -161,7 +163,7 @@ class Hanging:
         raise AssertionError
 
     def plan(
-        self, state: Facts, goal: Facts, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
     ) -> Plan | NoPlan:
         forever()
         raise AssertionError
@@ -181,7 +183,7 @@ def test_an_estimator_that_hangs_has_no_answer_and_says_why() -> None:
 
 
 def test_a_planner_that_hangs_has_timed_out() -> None:
-    answer = punctual_planner(Hanging(), SOON).plan(Facts(), Facts())
+    answer = punctual_planner(Hanging(), SOON).plan(Facts(), ALWAYS)
     assert isinstance(answer, NoPlan)
     assert answer.reason is NoPlanReason.TIMED_OUT
 

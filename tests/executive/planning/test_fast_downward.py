@@ -24,7 +24,7 @@ from executive.planning.fast_downward import FastDownwardPlanner
 from executive.planning.goal_order import by_goals, holds, replay
 from executive.planning.sas_task import SOLVED, UNSOLVABLE, Grounded, find_engine
 from executive.protocols import Planner
-from executive.types import Atom, Facts, NoPlan, NoPlanReason, Plan
+from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan
 from tests.executive.domain.pddl.test_reader import DATA, PAIRS
 
 Planners: TypeAlias = dict[str, FastDownwardPlanner]
@@ -58,11 +58,11 @@ def declared(schema: Schema) -> Facts:
     return Facts.closed(schema.task.declared, schema.task.atoms)
 
 
-def drawn(schema: Schema, seed: int) -> tuple[Facts, Facts]:
+def drawn(schema: Schema, seed: int) -> tuple[Facts, Condition]:
     """Any state, however inconsistent (two items held, one item on two tables), and any part of the goal."""
     choose, task = random.Random(seed), schema.task
     state = Facts({atom: choose.random() < choose.choice([0.1, 0.3, 0.5]) for atom in task.atoms})
-    return state, task.goal.only(choose.sample(sorted(task.goal), choose.randint(1, len(task.goal))))
+    return state, task.goal.only(choose.sample(task.goal.conjuncts, choose.randint(1, len(task.goal.conjuncts))))
 
 
 def steps(answer: Plan | NoPlan) -> list[str]:
@@ -92,7 +92,7 @@ def test_a_plan_leads_from_the_state_to_the_goal(planners: Planners, schemas: Sc
         return
     end = replay(state.true, answer.steps)
     assert end is not None
-    assert holds(end, goal)
+    assert holds(end, goal.facts)
     assert answer.cost == len(answer.steps)
     assert all(step == schemas[name].ground(step.action, step.args) for step in answer.steps)
 
@@ -105,9 +105,9 @@ def test_what_is_written_down_is_the_task_that_unified_planning_makes_of_it(
     """Solvable where that is, in as few steps; goals that something be false included, and steps to do without."""
     choose, task = random.Random(seed), schemas[name].task
     state = Facts({atom: choose.random() < 0.3 for atom in task.atoms})
-    goal = task.goal.only(choose.sample(sorted(task.goal), choose.randint(1, len(task.goal))))
+    kept = task.goal.only(choose.sample(task.goal.conjuncts, choose.randint(1, len(task.goal.conjuncts)))).facts
     untrue = choose.sample(sorted(state.true), min(1, len(state.true)))
-    goal = Facts({**goal, **dict.fromkeys((atom for atom in untrue if atom not in goal), False)})
+    goal = Condition.of({**dict.fromkeys(untrue, False), **kept})
     free = planners[name].plan(state, goal)
     hung_on = free.steps if isinstance(free, Plan) else ()
     avoid = frozenset(choose.sample(hung_on, min(len(hung_on), choose.randint(0, 2))))
@@ -171,7 +171,7 @@ def test_what_is_held_is_put_down_first(planners: Planners, schemas: Schemas) ->
 def test_a_goal_that_holds_needs_no_steps_and_no_engine(schemas: Schemas, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("executive.planning.fast_downward.Grounded", None)
     planner = FastDownwardPlanner(schemas["breakfast"])
-    answer = planner.plan(EXAMPLE_1, Facts.parse("on-table(lemon,white-table)", "not robot-gripping(lemon)"))
+    answer = planner.plan(EXAMPLE_1, Condition.parse("on-table(lemon,white-table)", "not robot-gripping(lemon)"))
     assert steps(answer) == []
 
 
@@ -186,7 +186,9 @@ def test_a_goal_that_holds_needs_no_steps_and_no_engine(schemas: Schemas, monkey
     ],
 )
 def test_no_way_is_unsolvable_and_says_so(planners: Planners, state: str, goal: str) -> None:
-    answer = planners["breakfast"].plan(Facts.parse(*filter(None, state.split("; "))), Facts.parse(*goal.split("; ")))
+    answer = planners["breakfast"].plan(
+        Facts.parse(*filter(None, state.split("; "))), Condition.parse(*goal.split("; "))
+    )
     assert isinstance(answer, NoPlan)
     assert answer.reason is NoPlanReason.UNSOLVABLE
 
@@ -279,13 +281,13 @@ def test_an_order_of_steps_that_takes_too_long_to_find_is_left_as_it_is(planners
     assert isinstance(found, Plan)
     other = (*found.steps[2:], *found.steps[:2])
     order = list(schemas["breakfast"].goals)
-    assert by_goals(EXAMPLE_1, other, goal, order) == found.steps
-    assert by_goals(EXAMPLE_1, other, goal, order, stop=lambda: True) == other
+    assert by_goals(EXAMPLE_1, other, goal.facts, order) == found.steps
+    assert by_goals(EXAMPLE_1, other, goal.facts, order, stop=lambda: True) == other
 
 
 def test_an_atom_of_another_task_is_refused(planners: Planners) -> None:
     with pytest.raises(ValueError, match="holding"):
-        planners["breakfast"].plan(Facts.parse("holding(red-cube)"), Facts.parse("robot-gripper-empty"))
+        planners["breakfast"].plan(Facts.parse("holding(red-cube)"), Condition.parse("robot-gripper-empty"))
 
 
 def test_it_is_a_planner(planners: Planners, schemas: Schemas) -> None:
@@ -468,7 +470,7 @@ def test_two_planners_in_one_directory_do_not_read_each_other(schemas: Schemas) 
     def work(item: str) -> None:
         planner = FastDownwardPlanner(schemas["sort-all"])
         for _ in range(4):
-            answers[item].append(steps(planner.plan(states[item], Facts.parse(f"on-table({item},white-table)"))))
+            answers[item].append(steps(planner.plan(states[item], Condition.parse(f"on-table({item},white-table)"))))
 
     threads = [threading.Thread(target=work, args=(item,)) for item in answers]
     for thread in threads:

@@ -25,11 +25,11 @@ def walk(name: str, seed: int, length: int) -> tuple[Facts, list[Step], frozense
     true: set[Atom] = set(start)
     steps: list[Step] = []
     for _ in range(length):
-        possible = [step for step in STEPS[name] if holds(true, step.preconditions)]
+        possible = [step for step in STEPS[name] if holds(true, step.precondition.facts)]
         if not possible:
             break
         steps.append(choose.choice(possible))
-        true = (true - steps[-1].effects.false) | steps[-1].effects.true
+        true = (true - steps[-1].unconditional.false) | steps[-1].unconditional.true
     return Facts.closed(start, SCHEMAS[name].task.atoms), steps, frozenset(true)
 
 

@@ -42,8 +42,8 @@ def reachable(schema: Schema, start: frozenset[Atom], most: int = 20_000) -> set
     while frontier:
         state = frontier.pop()
         for step in steps:
-            if all((atom in state) is value for atom, value in step.preconditions.items()):
-                after = (state - step.effects.false) | step.effects.true
+            if all((atom in state) is value for atom, value in step.precondition.facts.items()):
+                after = (state - step.unconditional.false) | step.unconditional.true
                 if after not in seen:
                     seen.add(after)
                     frontier.append(after)

@@ -88,7 +88,9 @@ def test_a_run_that_was_gone_on_with_is_replayed_process_by_process(
     if ended.outcome is OutcomeKind.INTERRUPTED:
         past, task = PastRun.of(run), stage.task
         run_state = (
-            RunState(task, GOAL, past.assumed()) if blind else RunState(task, GOAL, Facts(), past.memory(stage.monitor))
+            RunState(task, task.goal, past.assumed())
+            if blind
+            else RunState(task, task.goal, Facts(), past.memory(stage.monitor))
         )
         again = stage.executive()
         again.run_state = run_state.resumed(past.resumed(past.cycle))

@@ -14,7 +14,7 @@ from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.skills.pick import pick
 from executive.skills.place import place
-from executive.types import Atom, Facts, FloatArray, SkillStatus, Step
+from executive.types import Atom, FloatArray, SkillStatus, Step
 from tests.executive.sim.stage import ITEMS, MEANING, TABLES, grocery
 
 
@@ -107,7 +107,7 @@ def test_what_is_pushed_to_the_floor_lies_there(world: MujocoWorld) -> None:
 
 
 def carried_out(skill: Skill, world: MujocoWorld, *args: str) -> SkillStatus:
-    step = Step(getattr(skill, "__name__", ""), args, Facts(), Facts())
+    step = Step.strips(getattr(skill, "__name__", ""), args)
     context = SkillContext(world.handle, np.random.default_rng(0), lambda _: None, lambda: False)
     return skill(step, context).status
 

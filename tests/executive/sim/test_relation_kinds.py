@@ -11,7 +11,7 @@ from executive.sim import relation_kinds
 from executive.sim.relation_kinds import check_kinds, read_relation_kinds
 from executive.sim.relations import SimState, takes
 from executive.sim.spec import SceneSpec, read_scene
-from executive.types import Atom, Facts, Task
+from executive.types import ALWAYS, Atom, Task
 from tests.executive.sim.stage import SCENE
 
 FILE = Path("domain.toml")
@@ -25,7 +25,7 @@ def spec() -> SceneSpec:
 def task(predicate: str, *pairs: tuple[str, ...], names: tuple[str, ...]) -> Task:
     atoms = tuple(Atom(predicate, args) for args in pairs)
     objects = {name: "object" for args in pairs for name in args}
-    return Task("d", "p", objects, atoms, Facts(), parameters={predicate: names})
+    return Task("d", "p", objects, atoms, ALWAYS, parameters={predicate: names})
 
 
 def check(said: str, some: Task, spec: SceneSpec) -> str:

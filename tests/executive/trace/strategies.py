@@ -12,14 +12,17 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from executive.types import (
+    ALWAYS,
     Atom,
     Belief,
     Blinded,
     Compared,
+    Condition,
     Contradiction,
     Decision,
     DecisionKind,
     Dispatched,
+    Effect,
     Ended,
     Event,
     Evidence,
@@ -64,7 +67,18 @@ seconds = st.floats(0, 1e6)
 counts = st.integers(0, 10**6)
 atoms = st.builds(Atom, names, st.lists(names, max_size=3).map(tuple))
 facts = st.dictionaries(atoms, st.booleans(), max_size=5).map(Facts)
-steps = st.builds(Step, names, st.lists(names, max_size=3).map(tuple), facts, facts)
+conditions = st.recursive(
+    facts.map(Condition.of),
+    lambda inner: st.lists(inner, max_size=3).flatmap(
+        lambda parts: st.sampled_from([Condition.all_of(parts), Condition.any_of(parts)])
+    ),
+    max_leaves=5,
+)
+arguments = st.lists(names, max_size=3).map(tuple)
+conditional = st.builds(Effect, conditions.filter(lambda condition: condition != ALWAYS), facts)
+steps = st.builds(Step.strips, names, arguments, facts, facts) | st.builds(
+    Step, names, arguments, conditions, st.lists(conditional, max_size=2).map(tuple), finite
+)
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**40), 2**40) | finite | texts,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
@@ -79,7 +93,7 @@ def numbers(*shape: int) -> st.SearchStrategy[np.ndarray[Any, np.dtype[np.float6
 @st.composite
 def tasks(draw: st.DrawFn) -> Task:
     universe = draw(st.lists(atoms, unique=True, max_size=6))
-    goal = Facts({atom: draw(st.booleans()) for atom in universe[:2]})
+    goal = Condition.of({atom: draw(st.booleans()) for atom in universe[:2]})
     objects = draw(st.dictionaries(names, names, max_size=4))
     parameters = draw(st.dictionaries(names, st.lists(names, max_size=2).map(tuple), max_size=2))
     declared, numeric = frozenset(universe[2:4]), tuple(draw(st.lists(names, max_size=2)))
@@ -158,7 +172,7 @@ RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
     Belief: beliefs(),
     Plan: plans,
     NoPlan: no_plans,
-    Probed: st.builds(Probed, facts, plans) | st.builds(Probed, facts, st.none(), no_plans),
+    Probed: st.builds(Probed, conditions, plans) | st.builds(Probed, conditions, st.none(), no_plans),
     Dispatched: st.builds(Dispatched, steps, counts, counts, counts),
     Phase: st.builds(Phase, texts, texts, seconds),
     Motion: motions(),

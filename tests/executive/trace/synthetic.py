@@ -21,6 +21,7 @@ from executive.types import (
     Belief,
     Camera,
     Compared,
+    Condition,
     Decision,
     DecisionKind,
     Dispatched,
@@ -72,19 +73,19 @@ def task() -> Task:
     objects = {**dict.fromkeys(ITEMS, "item"), **dict.fromkeys(TABLES, "table")}
     atoms = [Atom("on-table", (item, table)) for item in ITEMS for table in TABLES]
     atoms += [Atom("robot-gripping", (item,)) for item in ITEMS] + [Atom("robot-gripper-empty")]
-    goal = Facts.parse("on-table(milk-carton,white-table)", "on-table(cereal-box,white-table)")
+    goal = Condition.parse("on-table(milk-carton,white-table)", "on-table(cereal-box,white-table)")
     return Task("grocery", "breakfast", objects, tuple(sorted(atoms)), goal)
 
 
 def pick(item: str, table: str) -> Step:
     before = Facts.parse(f"on-table({item},{table})", "robot-gripper-empty()")
     after = Facts.parse(f"robot-gripping({item})", f"not on-table({item},{table})", "not robot-gripper-empty()")
-    return Step("pick", (item, table), before, after)
+    return Step.strips("pick", (item, table), before, after)
 
 
 def place(item: str, table: str) -> Step:
     after = Facts.parse(f"on-table({item},{table})", "robot-gripper-empty()", f"not robot-gripping({item})")
-    return Step("place", (item, table), Facts.parse(f"robot-gripping({item})"), after)
+    return Step.strips("place", (item, table), Facts.parse(f"robot-gripping({item})"), after)
 
 
 @dataclass
@@ -171,7 +172,7 @@ class Tape:
     def dispatch(self, step: Step, index: int, facts: Facts, attempt: int = 1) -> None:
         self.cycle += 1
         self.action += 1
-        self.compare("preconditions", step.preconditions, facts, self.looks - 1)
+        self.compare("preconditions", step.precondition.facts, facts, self.looks - 1)
         self.emit(Dispatched(step, self.action, attempt, index))
 
     def result(self, step: Step, status: SkillStatus, reason: str, began: float, planned: float = 0.0) -> None:
@@ -215,8 +216,10 @@ def _events(run: str) -> tuple[Event, ...]:
 
     tape.cycle += 1
     look = tape.look("confirm the goal", facts)
-    tape.compare("goal", the_task.goal, facts, look)
-    tape.emit(Decision(DecisionKind.STOP, "the goal is seen to hold", tuple(the_task.goal), OutcomeKind.GOAL_REACHED))
+    tape.compare("goal", the_task.goal.facts, facts, look)
+    tape.emit(
+        Decision(DecisionKind.STOP, "the goal is seen to hold", tuple(the_task.goal.facts), OutcomeKind.GOAL_REACHED)
+    )
     tape.emit(
         Ended(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", True, (), tape.cycle, tape.action, 1, tape.looks)
     )
@@ -230,11 +233,11 @@ def _fetch(item: str, source: str, target: str) -> tuple[Step, Step]:
 def _carry_out(tape: Tape, step: Step, index: int, facts: Facts, attempt: int = 1) -> Facts:
     """One step that works: its effects are seen."""
     tape.dispatch(step, index, facts, attempt)
-    began, after = tape.time, facts | step.effects
+    began, after = tape.time, facts | step.unconditional
     _act(tape, step)
     tape.result(step, SkillStatus.DONE, "", began)
     _check(tape, step, after, after)
-    tape.emit(Decision(DecisionKind.CONTINUE, "the effects are seen", tuple(step.effects)))
+    tape.emit(Decision(DecisionKind.CONTINUE, "the effects are seen", tuple(step.unconditional)))
     return after
 
 
@@ -252,7 +255,7 @@ def _drop(tape: Tape, step: Step, index: int, facts: Facts) -> Facts:
         tape.frame()
     tape.result(step, SkillStatus.DROPPED, "the gripper closed on nothing", began, planned=4.0)
     seen = facts | Facts.parse(f"not robot-gripping({item})", f"on-table({item},wood-table)", "robot-gripper-empty()")
-    _check(tape, step, facts | step.effects, seen)
+    _check(tape, step, facts | step.unconditional, seen)
     evidence = (Atom("on-table", (item, "white-table")), Atom("on-table", (item, "wood-table")))
     tape.emit(Decision(DecisionKind.REPLAN, f"{item} is not where place should have put it", evidence))
     tape.emit(Revised(seen, Facts({atom: value for atom, value in seen.items() if facts[atom] is not value})))
@@ -262,7 +265,7 @@ def _drop(tape: Tape, step: Step, index: int, facts: Facts) -> Facts:
 def _retry(tape: Tape, step: Step, index: int, facts: Facts) -> Facts:
     """The first look cannot tell, the second one shows that the grasp missed; then it is done again, and works."""
     tape.dispatch(step, index, facts)
-    began, after, gripping = tape.time, facts | step.effects, Atom("robot-gripping", (step.args[0],))
+    began, after, gripping = tape.time, facts | step.unconditional, Atom("robot-gripping", (step.args[0],))
     _act(tape, step, grasp=False)
     tape.result(step, SkillStatus.GRASP_MISSED, "the fingers met", began)
     look = tape.look(f"after {step}", facts, unanswered=[gripping])

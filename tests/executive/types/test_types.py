@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from executive.types import (
     Atom,
     Belief,
+    Condition,
     Decision,
     DecisionKind,
     Facts,
@@ -162,14 +163,14 @@ def test_a_decision_has_an_outcome_exactly_when_it_stops() -> None:
 
 
 def test_only_done_is_done() -> None:
-    step = Step("pick", ("a", "p"), Facts(), Facts())
+    step = Step.strips("pick", ("a", "p"))
     assert [status for status in SkillStatus if SkillResult(step, status).done] == [SkillStatus.DONE]
     assert str(step) == "pick(a,p)"
 
 
 def test_a_task_refuses_a_goal_that_it_does_not_know() -> None:
     with pytest.raises(ValueError, match=r"at\(b\)"):
-        Task("d", "p", {}, (Atom("at", ("a",)),), Facts.parse("at(b)"))
+        Task("d", "p", {}, (Atom("at", ("a",)),), Condition.parse("at(b)"))
 
 
 @pytest.mark.parametrize("image", [np.zeros((2, 2), np.uint8), np.zeros((2, 2, 4), np.uint8), np.zeros((2, 2, 3))])

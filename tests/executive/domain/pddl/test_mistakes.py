@@ -206,4 +206,4 @@ def test_case_order_of_sections_and_missing_parts_do_not_matter(tmp_path: Path) 
     untyped = "(define (problem p) (:domain grocery) (:goal (on-table lemon lemon)))"
     schema = read(tmp_path, bare, untyped)
     assert schema.task.objects == {"lemon": "object"}
-    assert schema.ground("f", ()).preconditions == Facts()
+    assert schema.ground("f", ()).precondition.facts == Facts()

@@ -11,7 +11,7 @@ import pytest
 from executive.domain.pddl import Schema, read_task
 from executive.errors import DomainError
 from executive.planning.goal_order import holds, replay
-from executive.types import Atom, Facts, Step
+from executive.types import Atom, Condition, Facts, Step
 
 ROOT = Path(__file__).resolve().parents[4]
 DATA = ROOT / "tests" / "data" / "pddl"
@@ -54,7 +54,7 @@ def test_what_no_action_changes_is_what_the_problem_says() -> None:
     steps = {str(step) for step in instances(known)}
     false = {atom: False for atom in seen.task.atoms if atom.predicate == "same-size"}
     sizes = Facts({**false, **dict.fromkeys(known.task.static, True)})
-    possible = {str(step) for step in instances(seen) if sizes.entails(step.preconditions.only(sizes))}
+    possible = {str(step) for step in instances(seen) if sizes.entails(step.precondition.facts.only(sizes))}
     assert steps == possible, "steps that need it otherwise can never be carried out"
 
 
@@ -73,8 +73,8 @@ def chests(folder: Path, init: str, goal: str) -> Schema:
 
 def test_what_the_goal_asks_of_what_never_changes_is_settled_when_it_is_read(tmp_path: Path) -> None:
     schema = chests(tmp_path, "(key a) (locked a)", "(and (open a) (key a) (not (key b)))")
-    assert schema.task.goal == Facts.parse("open(a)")
-    assert schema.ground("unlock", ["a"]).preconditions == Facts.parse("locked(a)")
+    assert schema.task.goal == Condition.parse("open(a)")
+    assert schema.ground("unlock", ["a"]).precondition.facts == Facts.parse("locked(a)")
     with pytest.raises(ValueError, match="can never be carried out"):
         schema.ground("unlock", ["b"])
     for goal in ("(and (open a) (key b))", "(and (open a) (not (key a)))"):
@@ -104,12 +104,12 @@ def test_the_limit_of_atoms_is_for_what_can_change(tmp_path: Path) -> None:
 
 def test_the_steps_that_bring_something_about_are_all_that_do(dishes: Schema) -> None:
     wanted = Facts.parse("at(mug,table)", "served()").true
-    assert dishes.giving(wanted) == {step for step in instances(dishes) if step.effects.true & wanted}
+    assert dishes.giving(wanted) == {step for step in instances(dishes) if step.unconditional.true & wanted}
     assert dishes.giving([]) == frozenset()
 
 
 def test_the_goal_is_signed_and_written_out_and_its_order_is_kept(dishes: Schema) -> None:
-    assert dishes.task.goal == Facts.parse("served", "at(mug,table)", "not clean(saucer)")
+    assert dishes.task.goal == Condition.parse("served", "at(mug,table)", "not clean(saucer)")
     assert [str(atom) for atom in dishes.goals] == ["served()", "at(mug,table)", "clean(saucer)"]
 
 
@@ -136,8 +136,8 @@ def test_steps_are_grounded_with_every_literal(dishes: Schema, step: str, precon
     name, *args = step.split()
     grounded = dishes.ground(name, args)
     assert (grounded.action, grounded.args) == (name, tuple(args))
-    assert grounded.preconditions == Facts.parse(*filter(None, preconditions.split("; ")))
-    assert grounded.effects == Facts.parse(*effects.split("; "))
+    assert grounded.precondition.facts == Facts.parse(*filter(None, preconditions.split("; ")))
+    assert grounded.unconditional == Facts.parse(*effects.split("; "))
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_an_independent_reader_and_simulator_agree(name: str, monkeypatch: pytes
     with environment.factory.SequentialSimulator(problem=theirs) as simulator:
         state = simulator.get_initial_state()
         for _ in range(12):
-            applicable = {str(step): step for step in steps if holds(true, step.preconditions)}
+            applicable = {str(step): step for step in steps if holds(true, step.precondition.facts)}
             judged = {
                 f"{action.name}({','.join(map(str, args))})": (action, args)
                 for action, args in simulator.get_applicable_actions(state)
@@ -199,4 +199,4 @@ def test_an_independent_reader_and_simulator_agree(name: str, monkeypatch: pytes
             true, state = set(after), simulator.apply(state, *judged[chosen])
             now = {atom for atom, fluent in atoms.items() if state.get_value(fluent).is_true()}
             assert now == true | mine.task.static
-        assert simulator.is_goal(state) is holds(true, mine.task.goal)
+        assert simulator.is_goal(state) is holds(true, mine.task.goal.facts)

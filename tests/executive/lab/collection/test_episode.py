@@ -86,7 +86,7 @@ def test_labels_are_what_is_true_not_what_was_meant(play: Callable[..., Episode]
     steps = {str(step): step for step in instances(TRAY.parsed)}
     for point in points:
         assert point.facts == points[0].facts
-        assert set(point.surprises) == set(steps[point.action].effects)
+        assert set(point.surprises) == set(steps[point.action].unconditional)
 
 
 def test_an_episode_is_over_when_nothing_applies(play: Callable[..., Episode]) -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from executive.app.sensor_fit import load_outcomes
 from executive.belief.action_model import Chances, outcome
+from executive.core.compare import progress
 from executive.domain.loader import load_domain
 from executive.errors import InputError
 from executive.lab.collection import dataset
@@ -83,7 +84,7 @@ def collection(folder: Path, episodes: list[Episode]) -> Path:
                 qpos=np.zeros(7),
                 images={},
                 facts=after,
-                surprises=tuple(atom for atom, value in after.items() if (before | step.effects)[atom] is not value),
+                surprises=tuple(atom for atom, value in after.items() if progress(before, step)[atom] is not value),
             )
             for index, (step, before, after) in enumerate(episode.points)
         ]

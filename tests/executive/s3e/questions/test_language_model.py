@@ -18,7 +18,7 @@ from executive.errors import InputError
 from executive.s3e import LanguageModel, Reply, Templates, Translator, Writer
 from executive.s3e.questions.checks import Checker
 from executive.s3e.questions.prompts import QUESTION_ANSWERING
-from executive.types import Atom, Facts, Questions, Task
+from executive.types import Atom, Condition, Questions, Task
 from tests.executive.s3e.fakes import FakeWriter
 from tests.executive.s3e.questions.test_templates import GROCERY, tasks
 
@@ -172,7 +172,7 @@ def test_the_model_is_asked_once_for_a_domain_and_its_objects(tmp_path: Path) ->
     assert again == first
     assert writer.asked
     assert silent.calls == []
-    another_goal = replace(TASK, problem="another", goal=Facts({LEMON: True}))
+    another_goal = replace(TASK, problem="another", goal=Condition.literal(LEMON))
     questions = LanguageModel(silent, DOMAIN, TEMPLATES, tmp_path / "kept").translate(another_goal)
     assert (questions, silent.calls) == (first, [])
 

@@ -16,7 +16,7 @@ from executive.errors import DomainError
 from executive.s3e import Templates, Translator, Untranslated, generic, instruct, load_instructions, load_questions
 from executive.s3e.questions.prompts import QUESTION_ANSWERING
 from executive.s3e.questions.templates import LARGEST
-from executive.types import Atom, Facts, Questions, Task
+from executive.types import ALWAYS, Atom, Questions, Task
 
 ROOT = Path(__file__).resolve().parents[4]
 GROCERY, TRAY = ROOT / "domains" / "grocery", ROOT / "tests" / "domains" / "tray"
@@ -31,7 +31,7 @@ def tasks(draw: st.DrawFn) -> Task:
     arities = draw(st.dictionaries(names, st.integers(0, 2), min_size=1, max_size=3))
     atoms = [Atom(name, args) for name, arity in arities.items() for args in itertools.product(objects, repeat=arity)]
     parameters = {name: ("first", "second")[:arity] for name, arity in arities.items()}
-    return Task("d", "p", objects, tuple(atoms), Facts(), parameters=draw(st.sampled_from([parameters, {}])))
+    return Task("d", "p", objects, tuple(atoms), ALWAYS, parameters=draw(st.sampled_from([parameters, {}])))
 
 
 @pytest.fixture

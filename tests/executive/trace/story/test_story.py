@@ -41,8 +41,8 @@ def plan(*steps: Step) -> Plan:
 
 
 def seen(step: Step, wrong: bool = False) -> Compared:
-    atoms = frozenset(step.effects)
-    return Compared("effects", step.effects, Verdict(violated=atoms) if wrong else Verdict(holds=atoms), 1)
+    atoms = frozenset(step.unconditional)
+    return Compared("effects", step.unconditional, Verdict(violated=atoms) if wrong else Verdict(holds=atoms), 1)
 
 
 def marks(story: Story, number: int = -1) -> list[str]:
@@ -81,10 +81,10 @@ def test_a_skill_that_fails_fails_its_step_unless_the_effects_are_seen() -> None
 
 def test_a_surprise_elsewhere_does_not_fail_the_step() -> None:
     elsewhere = Facts.parse("on-table(milk-carton,wood-table)")
-    verdict = Verdict(holds=frozenset(FIRST.effects), violated=frozenset(elsewhere))
+    verdict = Verdict(holds=frozenset(FIRST.unconditional), violated=frozenset(elsewhere))
     story = told(
         plan(FIRST), Dispatched(FIRST, 1, 1, 0), SkillResult(FIRST, SkillStatus.DONE),
-        Compared("effects", FIRST.effects | elsewhere, verdict, 1),
+        Compared("effects", FIRST.unconditional | elsewhere, verdict, 1),
     )  # fmt: skip
     assert marks(story) == ["done"]
     assert [line.standing for line in story.atoms()][:2] == [Standing.SURPRISE, Standing.EXPECTED]
@@ -111,7 +111,9 @@ def test_the_end_leaves_nothing_pending() -> None:
 
 
 def test_preconditions_are_told_of_the_step_that_they_belong_to() -> None:
-    compared = Compared("preconditions", SECOND.preconditions, Verdict(holds=frozenset(SECOND.preconditions)), 0)
+    compared = Compared(
+        "preconditions", SECOND.precondition.facts, Verdict(holds=frozenset(SECOND.precondition.facts)), 0
+    )
     assert told(plan(FIRST, SECOND), compared).compared_step == SECOND
 
 

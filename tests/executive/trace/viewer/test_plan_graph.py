@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from executive.trace.story.story import Mark, PlanLine, StepLine, Story
 from executive.trace.viewer.blueprint import GRAPH_HEIGHT, GRAPH_WIDTH
 from executive.trace.viewer.plan_graph import COLUMNS, ROWS, plan_graph, plan_rows
-from executive.types import Facts, Plan, Step
+from executive.types import Plan, Step
 
-STEP = Step("pick", ("lemon",), Facts(), Facts())
+STEP = Step.strips("pick", ("lemon",))
 DONE, FAILED, DROPPED, PENDING = Mark.DONE, Mark.FAILED, Mark.DROPPED, Mark.PENDING
 
 
