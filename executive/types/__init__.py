@@ -1,7 +1,7 @@
 """The values that flow through the executive. All are frozen; none depends on a planner, a model or a simulator.
 
-An *atom* is a grounded predicate, *facts* are signed atoms, a *condition* is a formula over atoms, a *belief* has a probability for each atom after a look, a
-*verdict* is the result of comparing an expectation with a belief.
+An *atom* is a grounded predicate, *facts* are signed atoms, a *condition* is a formula over atoms, a *belief* has a
+probability for each atom after a look, a *verdict* is the result of comparing an expectation with a belief.
 """
 
 from executive.types.actions import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
