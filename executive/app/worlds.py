@@ -127,6 +127,7 @@ class _Symbolic:
             config.flip,
             config.seed,
             first_observation,
+            domain.task.derived,
         )
         skills = dict.fromkeys(domain.parsed.actions, SymbolicSkill())
         oracle = SymbolicEstimator(world, config.flip)
