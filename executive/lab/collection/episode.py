@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from executive.app.worlds import load_skills
-from executive.core.compare import progress
 from executive.domain.loader import Domain
 from executive.domain.pddl import Schema
 from executive.errors import ExecutiveError
@@ -147,7 +146,7 @@ class Collector:
 
     def _point(self, number: int, index: int, step: Step, world: MujocoWorld, before: Facts, facts: Facts) -> Point:
         look = world.observe(f"after {step}")
-        expected = progress(before, step, self.domain.task.derived)
+        changes = step.changes(self.domain.task.derived.complete(before))
         return Point(
             seed=self._seed,
             episode=number,
@@ -158,7 +157,7 @@ class Collector:
             qpos=world.data.qpos.copy(),
             images=look.images,
             facts=facts,
-            surprises=tuple(atom for atom, value in facts.items() if expected[atom] is not value),
+            surprises=tuple(a for a, value in facts.items() if changes.get(a, before[a]) not in (None, value)),
         )
 
 
