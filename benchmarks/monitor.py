@@ -26,12 +26,12 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.monitored import configurations, figures, looks, spoiling, symbolic
+from benchmarks.monitored import configurations, figures, looks, spoiling
 from benchmarks.monitored.courses import Ask, RunState, courses, flipping, graded, recorded
 from executive.app.sensor_fit import load_outcomes
 from executive.belief import EXACT, ActionModel, ErrorModel, MutexNetwork, SensorModel
@@ -40,7 +40,7 @@ from executive.domain.loader import Domain, load_domain
 from executive.errors import ExecutiveError
 from executive.lab.campaign.campaign_folder import CampaignFolder
 from executive.lab.campaign.design import Campaign
-from executive.lab.campaign.episode import FAILED, Player, Simulated
+from executive.lab.campaign.episode import FAILED, Simulated
 from executive.lab.campaign.rows import read_rows
 from executive.lab.common.process_pool import ProcessPool
 from executive.lab.common.progress import show_progress
@@ -157,21 +157,24 @@ def parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Part]]:
     else:
         eyes_there = eyes
     if "symbolic" in only:
-        campaign = configurations.campaign([symbolic.PLACE], eyes, arguments.symbolic_seeds, arguments.fault)
-        yield "symbolic", _loop("symbolic", campaign, symbolic.player, arguments)
+        places = configurations.grocery([None])
+        campaign = configurations.campaign("symbolic", places, eyes, arguments.symbolic_seeds)
+        yield "symbolic", _loop("symbolic", campaign, arguments)
     if "simulator" in only:
         places = configurations.grocery(arguments.problem or ["breakfast"])
-        campaign = configurations.campaign(places, eyes_there, arguments.seeds, arguments.fault)
-        yield "simulator", _loop("simulator", campaign, Simulated, arguments)
+        campaign = configurations.campaign("mujoco", places, eyes_there, arguments.seeds, arguments.fault)
+        yield "simulator", _loop("simulator", campaign, arguments)
 
 
-def _loop(part: str, campaign: Campaign, prepare: Callable[[Path], Player], arguments: argparse.Namespace) -> Part:
+def _loop(part: str, campaign: Campaign, arguments: argparse.Namespace) -> Part:
     """A campaign, all of it played."""
     out = arguments.out / part
     with CampaignFolder(campaign, out, shlex.join(sys.argv), lambda line: print(line, file=sys.stderr)) as work:
         wanted = work.wanted()
         if work.missing(wanted):
-            pool = ProcessPool(partial(prepare, work.work), arguments.jobs, 60 * campaign.minutes, single_threaded=True)
+            pool = ProcessPool(
+                partial(Simulated, work.work), arguments.jobs, 60 * campaign.minutes, single_threaded=True
+            )
             with pool, ctrl_c(work.cancel), show_progress(sys.stderr, f"{part} episodes") as watch:
                 if not work.play(wanted, pool, watch):
                     raise StoppedError
@@ -197,9 +200,9 @@ def main() -> int:
     parser.add_argument("--looks", type=int, help="only the first so many of the collection")
     parser.add_argument("--courses", type=int, default=30, help="made-up courses of 20 actions, without --data")
     parser.add_argument("--seeds", type=int, default=10, help="in the simulator, of each configuration")
-    parser.add_argument("--symbolic-seeds", type=int, default=200, help="in the symbolic world")
+    parser.add_argument("--symbolic-seeds", type=int, default=50, help="in the symbolic world")
     parser.add_argument("--problem", action="append", help="of the grocery domain: breakfast if not given; repeat it")
-    parser.add_argument("--fault", action="append", help=f"{', '.join(configurations.FAULTS)} if none is given")
+    parser.add_argument("--fault", action="append", help="in the simulator; repeat it for more")
     parser.add_argument("--jobs", type=int, default=cores())
     parser.add_argument("--out", type=Path, default=Path("campaigns/monitor"), help="what is found is kept here")
     parser.add_argument("--json", action="store_true")

@@ -4,6 +4,5 @@ courses.py     looks at states in turn: made up, or those of a collection; and m
 looks.py       what a monitor makes of such looks, and how well conformal prediction keeps its promise
 spoiling.py    the eye on pictures that are made bad, until it is right about the whole state half of the time
 configurations.py  eyes and monitors of the closed loop, as a campaign
-symbolic.py    who plays that campaign in the symbolic world
 figures.py     what episodes come to, and what was to be reached
 """

@@ -24,11 +24,13 @@ FLIPS = (0.02, 0.05, 0.1)
 PLAIN, CONSISTENT, REMEMBERING, FULL = "plain threshold", "+ consistency", "+ memory", "+ looking again"
 SETTINGS = (PLAIN, CONSISTENT, REMEMBERING, FULL)
 ORACLE, SHIPPED = "oracle", "shipped eye"
-FAULTS = ("drop:p=0.15", "miss:p=0.1", "shove:p=0.05")
-PREDICATES = {
-    "grocery": ("on-table", "robot-gripping", "robot-gripper-empty"),
-    "things": ("at", "held", "free"),
+FAULTS = {
+    "mujoco": ("drop:p=0.15", "miss:p=0.1", "shove:p=0.05"),
+    "symbolic": ("no-effect:p=0.25", "exogenous:p=0.05"),
 }
+"""By the world in which they happen."""
+
+PREDICATES = ("on-table", "robot-gripping", "robot-gripper-empty")
 
 _JUDGES = {
     PLAIN: MonitorConfig(threshold=0.5),
@@ -57,9 +59,9 @@ def oracles(folder: Path) -> list[Looking]:
     made = [Looking(ORACLE, "oracle")]
     for share in FLIPS:
         file = folder / f"flipped-{share:g}.json"
-        for domain, predicates in PREDICATES.items():
-            error_models = dict.fromkeys(predicates, ErrorModel(share, share))
-            sensor_fit.save(file, domain, SensorFit(SensorModel(error_models, correlation_within=0.0), Conformal(), 0))
+        error_models = dict.fromkeys(PREDICATES, ErrorModel(share, share))
+        model = SensorModel(error_models, correlation_within=0.0)
+        sensor_fit.save(file, "grocery", SensorFit(model, Conformal(), 0))
         made.append(Looking(flipped(share), "oracle", (f"estimator:wrong,share={share:g}@0-",), file))
     return made
 
@@ -73,25 +75,31 @@ def spoiled(way: str, known: SensorFit, folder: Path) -> Looking:
     return Looking(f"eye, {how} {amount}", "vlm", (f"camera:{how},amount={amount}@0-",), file)
 
 
-def campaign(places: Sequence[Place], eyes: Sequence[Looking], seeds: int, faults: Sequence[str] | None) -> Campaign:
-    """All eyes with all settings, and `FAULTS` where none are given."""
+def campaign(
+    world: str, places: Sequence[Place], eyes: Sequence[Looking], seeds: int, faults: Sequence[str] | None = None
+) -> Campaign:
+    """All eyes with all settings in one of the worlds, with its `FAULTS` where none are given."""
     return Campaign(
         title="What a monitor is worth",
         seeds=tuple(range(seeds)),
         places=tuple(places),
         configurations=tuple(_configuration(eye, setting) for eye in eyes for setting in SETTINGS),
-        faults=MappingProxyType({"faults": tuple(faults or FAULTS)}),
-        options=MappingProxyType({"max_actions": 60}),
+        faults=MappingProxyType({"faults": tuple(faults or FAULTS[world])}),
+        options=MappingProxyType({"max_actions": 60, "world": world}),
     )
 
 
-def grocery(problems: Sequence[str]) -> list[Place]:
-    """Problems of the grocery domain.
+def grocery(problems: Sequence[str | None]) -> list[Place]:
+    """Problems of the grocery domain; None is its default, six items on three tables.
 
     Raises:
         InputError: there is no such problem.
     """
-    return [Place("grocery", name, "grocery", name, load_domain("grocery", name).fingerprint()) for name in problems]
+    domains = [load_domain("grocery", name) for name in problems]
+    return [
+        Place("grocery", name or domain.task.problem, "grocery", name, domain.fingerprint())
+        for name, domain in zip(problems, domains, strict=True)
+    ]
 
 
 def _configuration(eye: Looking, setting: str) -> Configuration:

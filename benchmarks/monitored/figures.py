@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.monitored.configurations import FULL, ORACLE, PLAIN, flipped
 from benchmarks.monitored.looks import Coverage, Line
-from executive.faults.catalogue import PHYSICAL
+from executive.faults.catalogue import PHYSICAL, SYMBOLIC
 from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.results import claimed, succeeded
 
@@ -59,7 +59,9 @@ def score(rows: Sequence[Row]) -> Score:
         return sum(getattr(row, name) or 0 for row in rows)
 
     number = len(rows)
-    delays = [s.noticed for row in rows for s in row.strikes if s.kind in PHYSICAL and s.noticed is not None]
+    delays = [
+        s.noticed for row in rows for s in row.strikes if s.kind in (*PHYSICAL, *SYMBOLIC) and s.noticed is not None
+    ]
     return Score(
         episodes=number,
         success=sum(map(succeeded, rows)) / number,

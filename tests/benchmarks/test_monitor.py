@@ -13,30 +13,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks import monitor
-from benchmarks.monitored import configurations, figures, looks, spoiling, symbolic
+from benchmarks.monitored import configurations, figures, looks, spoiling
 from benchmarks.monitored.configurations import FULL, ORACLE, PLAIN, SETTINGS, flipped
 from benchmarks.monitored.courses import courses, flipping, graded
-from benchmarks.monitored.symbolic import GOAL, PLACES, THINGS, Courier
 from executive.belief import EXACT, ActionModel, MutexNetwork
 from executive.domain.loader import load_domain
 from executive.faults import parse_fault
 from executive.lab.campaign.design import Episode
-from executive.lab.campaign.episode import Row
+from executive.lab.campaign.episode import Row, Simulated
 from executive.lab.campaign.scoring import Strike
 from executive.planning.mutex_groups import find_mutexes
-from executive.types import Facts, NoPlan, Plan
-from tests.fakes import FREE, at, held, task
 
 
 @pytest.fixture(scope="module")
 def episodes(tmp_path_factory: pytest.TempPathFactory) -> list[Episode]:
     eyes = configurations.oracles(tmp_path_factory.mktemp("trust"))
-    return list(configurations.campaign([symbolic.PLACE], eyes, 3, None).episodes())
+    return list(configurations.campaign("symbolic", configurations.grocery([None]), eyes, 2).episodes())
 
 
 def of(episodes: list[Episode], eye: str, *settings: str) -> list[Row]:
     return [
-        symbolic.play(episode)
+        Simulated()(episode)
         for episode in episodes
         if episode.configuration.estimator == eye and episode.configuration.monitor in (settings or SETTINGS)
     ]
@@ -134,21 +131,6 @@ def test_each_part_of_a_monitor_makes_more_of_the_same_looks() -> None:
     assert states[2] - states[0] > 0.2
     for each in looks.coverage("graded", network, courses(domain, 60, 20, 3), graded(4)):
         assert each.measured == pytest.approx(each.asked, abs=0.02)
-
-
-def test_the_courier_plans_what_can_be_carried_out() -> None:
-    some, courier = task(THINGS, PLACES, GOAL), Courier(task(THINGS, PLACES, GOAL))
-    everywhere = {at(thing, PLACES[(number + 1) % 3]) for number, thing in enumerate(THINGS)}
-    full = {atom for atom in everywhere if atom.args[0] != "c"} | {held("c")}
-    for true in (everywhere | {FREE}, full):
-        plan = courier.plan(Facts.closed(true, some.atoms), some.goal)
-        assert isinstance(plan, Plan)
-        state = set(true)
-        for step in plan.steps:
-            assert all((atom in state) is value for atom, value in step.precondition.facts.items())
-            state = (state - step.unconditional.false) | step.unconditional.true
-        assert state >= GOAL.true
-    assert isinstance(courier.plan(Facts.closed({FREE}, some.atoms), some.goal), NoPlan)
 
 
 def test_the_command_goes_on_where_it_was_left(

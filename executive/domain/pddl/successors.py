@@ -22,10 +22,10 @@ def draw_action(
     """Draw an action that can be carried out in the complete `state`, changes it, and has all objects in `about` among
     its arguments: an action schema first, each as probable as the others, then its arguments. None where none is found.
     """
-    facts: dict[str, list[tuple[str, ...]]] = {}
-    for atom in (*schema.task.static, *(atom for atom, value in state.items() if value)):
-        facts.setdefault(atom.predicate, []).append(atom.args)
     tries, known = iter(range(MOST_TRIES)), schema.task.derived.complete(state)
+    facts: dict[str, list[tuple[str, ...]]] = {}
+    for atom in sorted({*schema.task.static, *(atom for atom, value in known.items() if value)}):
+        facts.setdefault(atom.predicate, []).append(atom.args)
     for number in rng.permutation(len(schema.actions)):
         action = schema.actions[sorted(schema.actions)[number]]
         needs = [each for each in action.preconditions if isinstance(each, Literal) and each.positive]

@@ -77,7 +77,7 @@ Player = Callable[[Episode, ReportProgress], Row]
 
 
 class Simulated:
-    """Plays episodes in the simulator. Models stay loaded from one episode to the next.
+    """Plays episodes in the world of their configuration. Models stay loaded from one episode to the next.
 
     Args:
         work: the parent folder of running episodes; the system's temporary folder if not given.
