@@ -131,7 +131,8 @@ def _looks(name: str, vlm: str | None, count: int) -> dict[str, float]:
 @contextmanager
 def _opened(name: str, vlm: str | None) -> Iterator[tuple[Callable[[Observation], Belief], MujocoWorld]]:
     """What answers all questions of a domain about pictures, and the world to take them of; both warmed up."""
-    from executive.app.estimators import EstimatorConfig, open_estimator
+    from executive.app.config import EstimatorConfig
+    from executive.app.estimators import open_estimator
     from executive.domain.loader import load_domain
     from executive.sim.world import MujocoWorld
 

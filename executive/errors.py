@@ -34,6 +34,17 @@ class InputError(ExecutiveError):
         super().__init__("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text))
 
 
+class OptionError(InputError):
+    """A mistake in an option of a run or of another piece of work: `option` names the field of its configuration.
+
+    The message has other options in backquotes, as in "goes with `server`"; the command line puts flags in their place.
+    """
+
+    def __init__(self, message: str, *, option: str, file: Path | str | None = None) -> None:
+        super().__init__(message, file=file, key=option)
+        self.option = option
+
+
 class DomainError(InputError):
     """A mistake in a domain folder, named with file and key."""
 

@@ -11,8 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from executive.app import sensor_fit
-from executive.app.estimators import EstimatorConfig
-from executive.app.monitors import MonitorConfig
+from executive.app.config import EstimatorConfig, MonitorConfig
 from executive.app.sensor_fit import SensorFit
 from executive.belief.conformal import Conformal
 from executive.belief.sensor_model import ErrorModel, SensorModel

@@ -13,13 +13,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from executive.app import sensor_fit
-from executive.app.estimators import EstimatorConfig, with_default_model
+from executive.app.config import EstimatorConfig
+from executive.app.estimators import with_default_model
 from executive.domain.loader import load_domain
 from executive.faults.image_noise import SPOILED, most
 from executive.lab.common.process_pool import ProcessPool
 from executive.lab.common.progress import Progress, estimate
+from executive.lab.config import EvalConfig
 from executive.lab.evaluation import store
-from executive.lab.evaluation.evaluate import EvalConfig, Evaluation, Evaluator, Look, Opened, Said
+from executive.lab.evaluation.evaluate import Evaluation, Evaluator, Look, Opened, Said
 
 HALF, NEAR = 0.5, 0.05
 """The exact-state rate that is looked for, and what is near enough."""

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.speed.table import Row
-from executive.app.estimators import EstimatorConfig, open_estimator
+from executive.app.config import EstimatorConfig
+from executive.app.estimators import open_estimator
 from executive.domain.loader import load_domain
 from executive.domain.pddl import read_task
 from executive.planning.fast_downward import FastDownwardPlanner

@@ -14,7 +14,8 @@ from executive.types import Observation
 
 
 def measure(everything: bool) -> list[Row]:
-    from executive.app.estimators import EstimatorConfig, open_estimator
+    from executive.app.config import EstimatorConfig
+    from executive.app.estimators import open_estimator
     from executive.sim.world import MujocoWorld
 
     domain = load_domain("grocery")

@@ -1,34 +1,181 @@
-"""A run's configuration, and the folder that keeps it."""
+"""The configuration of a run, which declares all of its options, and the folder that keeps it."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
-import math
 import os
 import re
 import time
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated
 
-from executive.app.estimators import EstimatorConfig
-from executive.app.monitors import MonitorConfig
-from executive.core.settings import Settings
-from executive.domain.loader import Domain, is_pddl
-from executive.errors import InputError, nearest
+from executive.app.options import Option, as_toml, check, make
+from executive.errors import InputError, OptionError, nearest
 from executive.util.atomic_write import write_atomic
-from executive.util.files import check_writable, legible, read_toml, reason
+from executive.util.files import check_writable, reason
+
+if TYPE_CHECKING:
+    from executive.core.settings import Settings
+    from executive.domain.loader import Domain
 
 CONFIG = "config.toml"
 """The file in a run's folder with its configuration."""
 
-ESTIMATORS = ("oracle", "vlm", "none")
+ESTIMATORS = MappingProxyType({"vlm": "a vision-language model", "oracle": "ground truth", "none": "open loop"})
 
-MUJOCO, SYMBOLIC_WORLD = WORLDS = ("mujoco", "symbolic")
-"""The simulator, and the symbolic world, which plays any planning task without one."""
+MUJOCO, SYMBOLIC_WORLD = "mujoco", "symbolic"
 
-PATIENCE = 900.0
-"""The default time limit of a look, a plan or an action, in wall seconds."""
+WORLDS = MappingProxyType(
+    {MUJOCO: "the simulator", SYMBOLIC_WORLD: "no simulator; actions have the effects that the PDDL gives them"}
+)
+
+TRANSLATORS = MappingProxyType(
+    {"templates": "the domain's own questions", "llm": "a language model words them", "none": "bare predicates"}
+)
+
+DOMAIN, PAPER, NONE = "domain", "paper", "none"
+
+INSTRUCTIONS = MappingProxyType(
+    {DOMAIN: "the domain's own", PAPER: "the paper's, for its groceries", NONE: "no instructions"}
+)
+
+DOMAIN_NAME = Option("A domain's folder, or the name of one that comes with Executive.")
+PROBLEM = Option("One of the domain's problems (see: executive domains).")
+HOME_POSE = Option("Go home after each action.")
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorConfig:
+    """The options of a vision-language estimator.
+
+    Attributes:
+        vlm: without it, the model that comes with the domain; with `server`, a model's name there (without it, the only
+            one there).
+        llm: without it, the server's model that also answers the questions.
+        instructions: True for the domain's, False for none, "paper" for the paper's (Appendix E.3), or a file.
+        calibration: without it, the one in the model's folder, if there is one.
+        cameras: in the order in which the model gets their pictures; without any, all.
+
+    Raises:
+        OptionError: a value is not valid, or two options exclude each other.
+    """
+
+    vlm: Annotated[str | None, Option("The model: a folder, a hub id, or its name at --server.")] = None
+    server: Annotated[str | None, Option("Address of an OpenAI-compatible server that has the model.")] = None
+    translator: Annotated[str, Option("What words the questions: templates, llm or none.", choices=TRANSLATORS)] = (
+        "templates"
+    )
+    llm: Annotated[str | None, Option("The language model for --translator llm.")] = None
+    instructions: Annotated[
+        bool | str,
+        Option(
+            "How things look, for the prompt: domain (the default), paper (for its groceries), none, or a file.",
+            offers=INSTRUCTIONS,
+        ),
+    ] = True
+    per_image: Annotated[bool, Option("Ask about each picture on its own, and average.")] = False
+    calibration: Annotated[Path | None, Option("A file that corrects the probabilities.")] = None
+    cameras: Annotated[
+        tuple[str, ...],
+        Option("Only the pictures of these cameras, such as front (as in the paper); front,hand for two."),
+    ] = ()
+    abstention: Annotated[
+        bool,
+        Option(
+            "Unknown where little probability is on yes and no; without, always yes / (yes + no) (as in the paper)."
+        ),
+    ] = True
+
+    def __post_init__(self) -> None:
+        words = {DOMAIN: True, NONE: False}
+        object.__setattr__(self, "instructions", words.get(str(self.instructions), self.instructions))
+        shown = (name.strip() for names in self.cameras for name in names.split(","))
+        object.__setattr__(self, "cameras", tuple(dict.fromkeys(shown)))
+        check(self)
+        if self.server is not None:
+            from executive.s3e.backends.openai_client import base_url
+
+            base_url(self.server)  # refuses addresses with secrets, which would go into a run's record
+        if self.llm is not None and self.translator != "llm":
+            raise OptionError("goes with `translator` llm", option="llm")
+        if self.translator == "llm" and self.llm is None and self.server is None:
+            raise OptionError("llm needs `llm` with a language model's folder or id", option="translator")
+
+    def check_cameras(self, there: Collection[str]) -> None:
+        """Check that the scene has these cameras.
+
+        Raises:
+            OptionError: it lacks one of them.
+        """
+        for name in self.cameras:
+            if name not in there:
+                raise OptionError(f"there is no camera {name!r}; {nearest(name, there)}", option="cameras")
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorConfig:
+    """The options of a monitor.
+
+    Attributes:
+        alpha: the requested error rate: the share of looks in which, by predicate, some atom may get the wrong value.
+            The thresholds follow from the calibration looks in the file `trust`. Without an error rate they are
+            `executive.belief.bayes_filter.DEFAULT_THRESHOLDS`.
+        threshold: thresholds every answer at this probability instead: no unknowns, no consistency, no memory.
+        memory: without it, each moment is estimated from its own looks alone.
+        trust: the file with the sensor model and the calibration looks; by default, the one in the model's folder.
+
+    Raises:
+        OptionError: a value is not valid, or two options exclude each other.
+    """
+
+    alpha: Annotated[
+        float | None,
+        Option("Error rate: the share of looks that may have a wrong value; the rest is unknown.", above=0, below=1),
+    ] = None
+    threshold: Annotated[
+        float | None,
+        Option("Threshold each answer on its own, without unknowns; 0.5 as in the paper.", least=0, most=1),
+    ] = None
+    memory: Annotated[bool, Option("Combine looks with earlier ones.")] = True
+    trust: Annotated[Path | None, Option("A file with the model's error rates.")] = None
+
+    def __post_init__(self) -> None:
+        check(self)
+        if self.threshold is not None and self.alpha is not None:
+            raise OptionError("sets the thresholds by an error rate, and excludes `threshold`", option="alpha")
+        if self.threshold is not None and self.trust is not None:
+            raise OptionError("excludes `threshold`, which uses no sensor model", option="trust")
+
+
+PRESETS: Mapping[str, MonitorConfig] = MappingProxyType(
+    {"plain": MonitorConfig(threshold=0.5), "consistent": MonitorConfig(memory=False), "full": MonitorConfig()}
+)
+
+MONITORS = MappingProxyType(
+    {
+        "plain": "each answer thresholded on its own, as in the paper",
+        "consistent": "the answers of one moment made consistent",
+        "full": "the same with memory",
+    }
+)
+"""What each preset of a monitor does."""
+
+
+def preset(name: str, option: str = "monitor") -> MonitorConfig:
+    """Return the preset of that name.
+
+    Raises:
+        OptionError: there is none.
+    """
+    if name not in PRESETS:
+        raise OptionError(f"no monitor {name!r}; {nearest(name, PRESETS)}", option=option)
+    return PRESETS[name]
+
+
+_LIMIT = "Give up after so many."
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,109 +183,100 @@ class RunConfig:
     """The options of a run; `config.toml` in the run's folder has the same.
 
     Attributes:
-        domain: a folder, or a shipped domain's name.
-        problem: one of the domain's problems; without it, its default. Where `domain` is a PDDL file, another one.
-        world: one of `WORLDS`; without it, the simulator, or the symbolic world where `domain` is a PDDL file.
-        no_effect: in the symbolic world, how often an action does nothing, without its skill noticing.
-        exogenous: in the symbolic world, how often another agent does something after an action.
-        flip: in the symbolic world, how often an answer is the opposite of what is so.
-        estimator: one of `ESTIMATORS`; without it, "vlm", or "oracle" in the symbolic world.
+        problem: without it, the domain's default. Where `domain` is a PDDL file, another one.
+        estimator: without it, "vlm", or "oracle" in the symbolic world.
         faults: specifications in the grammar of `executive.faults`.
-        home_pose: whether skills end at the home pose.
-        grasp_noise: the standard deviation of grasp positions, in m.
-        max_replans, max_actions, max_cycles, max_looks, max_seconds, max_looks_again, max_questions: limits of
-            `executive.core.settings.Settings`.
-        patience: the time limit of a look, a plan or an action, in wall seconds.
-        guard: whether the hold guard looks at what is carried while it is carried.
-        runs: the folder in which the run's folder is made.
-        name: the name of the run's folder.
-        viewer: whether the run is recorded for the Rerun viewer.
-        tree: whether the recording has the search trees of motion planning.
+        max_replans, max_actions, max_cycles, max_looks, max_seconds, max_looks_again, max_questions: without one, what
+            `executive.core.settings.Settings` has.
         eye: the options of the estimator "vlm".
-        monitor: the options of the monitor.
+        world: without it, the simulator, or the symbolic world where `domain` is a PDDL file.
+        no_effect: how often an action does nothing, without its skill noticing.
+        exogenous: how often another agent does something after an action.
+        flip: how often an answer is the opposite of what is so.
 
     Raises:
-        InputError: a value is not valid, or two options exclude each other.
+        OptionError: a value is not valid, or two options exclude each other.
     """
 
-    domain: str
-    problem: str | None = None
-    seed: int = 0
-    estimator: str = ""
-    faults: tuple[str, ...] = ()
-    home_pose: bool = True
-    grasp_noise: float = 0.0
-    max_replans: int | None = None
-    max_actions: int | None = None
-    max_cycles: int | None = None
-    max_looks: int | None = None
-    max_seconds: float | None = None
-    patience: float = PATIENCE
-    max_looks_again: int | None = None
-    max_questions: int | None = None
-    guard: bool = True
-    runs: Path = Path("runs")
-    name: str | None = None
-    viewer: bool = True
-    tree: bool = False
+    domain: Annotated[
+        str, Option("A domain's folder, the name of one that comes with Executive, or a PDDL domain file.")
+    ]
+    problem: Annotated[str | None, PROBLEM] = None
+    seed: Annotated[int, Option("Fixes the scene and every random number.", least=0)] = 0
+    estimator: Annotated[
+        str,
+        Option(
+            "What estimates the state: vlm (a model), oracle (ground truth), or none (open loop).",
+            choices=ESTIMATORS,
+            default="vlm; oracle in the symbolic world",
+        ),
+    ] = ""
+    faults: Annotated[
+        tuple[str, ...],
+        Option("Break something: drop@4, shove:p=0.3 (see: executive faults); repeat it for more.", flag="--fault"),
+    ] = ()
+    home_pose: Annotated[bool, HOME_POSE] = True
+    grasp_noise: Annotated[float, Option("Standard deviation of the grasp, in m.", least=0, most=1)] = 0.0
+    max_replans: Annotated[int | None, Option(_LIMIT, least=0)] = None
+    max_actions: Annotated[int | None, Option(_LIMIT, least=1)] = None
+    max_cycles: Annotated[int | None, Option(_LIMIT, least=1)] = None
+    max_looks: Annotated[int | None, Option(_LIMIT, least=1)] = None
+    max_seconds: Annotated[float | None, Option("Give up after so many wall seconds.", least=0)] = None
+    patience: Annotated[float, Option("Time limit of a look, a plan or an action, in wall seconds.", above=0)] = 900.0
+    max_looks_again: Annotated[int | None, Option("Looks again at uncertain atoms, in a row.", least=0)] = None
+    max_questions: Annotated[int | None, Option("Atoms that a look may ask about.", least=1)] = None
+    guard: Annotated[bool, Option("Look at what is carried while it is carried.")] = True
+    runs: Annotated[Path, Option("Where the run's folder is made.")] = Path("runs")
+    name: Annotated[str | None, Option("The name of the run's folder.")] = None
+    viewer: Annotated[bool, Option("Write trace.rrd, too.", flag="--trace-viewer")] = True
+    tree: Annotated[bool, Option("Show the search trees of motion planning.")] = False
     eye: EstimatorConfig | None = None
     monitor: MonitorConfig = field(default_factory=MonitorConfig)
-    world: str = ""
-    no_effect: float = 0.0
-    exogenous: float = 0.0
-    flip: float = 0.0
+    world: Annotated[
+        str,
+        Option(
+            "mujoco (the simulator), or symbolic: no simulator, actions have the effects that the PDDL gives them.",
+            choices=WORLDS,
+            default="mujoco; symbolic for a PDDL file",
+        ),
+    ] = ""
+    no_effect: Annotated[
+        float, Option("With --world symbolic: the share of actions that do nothing.", least=0, most=1)
+    ] = 0.0
+    exogenous: Annotated[
+        float, Option("With --world symbolic: how often another agent acts, too.", least=0, most=1)
+    ] = 0.0
+    flip: Annotated[
+        float, Option("With --world symbolic: the share of answers that are wrong.", least=0, most=0.49)
+    ] = 0.0
 
     def __post_init__(self) -> None:
+        from executive.domain.loader import is_pddl
+
         object.__setattr__(self, "world", self.world or (SYMBOLIC_WORLD if is_pddl(self.domain) else MUJOCO))
         is_symbolic = self.world == SYMBOLIC_WORLD
         object.__setattr__(self, "estimator", self.estimator or ("oracle" if is_symbolic else "vlm"))
-        if self.world not in WORLDS:
-            raise InputError(f"no world {self.world!r}; {nearest(self.world, WORLDS)}", key="--world")
-        for name, most in {"no_effect": 1.0, "exogenous": 1.0, "flip": 0.49}.items():
-            value, key = getattr(self, name), f"--{name.replace('_', '-')}"
-            if not 0.0 <= value <= most:
-                raise InputError(f"a share from 0 to {most:g}, not {value:g}", key=key)
-            if value and not is_symbolic:
-                raise InputError(f"goes with --world {SYMBOLIC_WORLD}", key=key)
+        check(self)
+        for name in ("no_effect", "exogenous", "flip"):
+            if getattr(self, name) and not is_symbolic:
+                raise OptionError(f"goes with `world` {SYMBOLIC_WORLD}", option=name)
         if is_symbolic and self.estimator == "vlm":
-            raise InputError("the symbolic world has no pictures for a model", key="--estimator")
-        if self.estimator not in ESTIMATORS:
-            raise InputError(
-                f"no estimator {self.estimator!r}; {nearest(self.estimator, ESTIMATORS)}", key="--estimator"
-            )
+            raise OptionError("the symbolic world has no pictures for a model", option="estimator")
+        if self.eye == EstimatorConfig():
+            object.__setattr__(self, "eye", None)
         if self.estimator != "vlm" and self.eye is not None:
-            raise InputError(
-                f"{self.estimator!r} asks no model; --vlm and --server go with --estimator vlm", key="--estimator"
-            )
-        if not 0.0 <= self.grasp_noise <= 1.0:
-            raise InputError(f"a standard deviation in m, from 0 to 1, not {self.grasp_noise}", key="--grasp-noise")
-        if not 0.0 < self.patience < math.inf:
-            raise InputError(f"seconds above zero, not {self.patience}", key="--patience")
-        for name in ("seed", "max_replans", "max_actions", "max_cycles", "max_looks", "max_looks_again"):
-            value, key = getattr(self, name), f"--{name.replace('_', '-')}"
-            if value is not None and not 0 <= value < 2**63:  # TOML has no larger ones
-                raise InputError(f"{value} is not a number from 0 to 2^63 - 1", key=key)
-        if self.max_seconds is not None and not 0.0 <= self.max_seconds < math.inf:
-            raise InputError(f"seconds from zero on, not {self.max_seconds}", key="--max-seconds")
-        if self.max_questions is not None and self.max_questions < 1:
-            raise InputError(f"at least one question a look, not {self.max_questions}", key="--max-questions")
+            message = f"{self.estimator!r} asks no model; `vlm` and `server` go with `estimator` vlm"
+            raise OptionError(message, option="estimator")
         if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):
-            raise InputError(f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'", key="--name")
+            message = f"{self.name!r} is no folder name of letters, digits, '.', '_' and '-'"
+            raise OptionError(message, option="name")
 
     def settings(self) -> Settings:
-        names = (
-            "max_replans",
-            "max_actions",
-            "max_cycles",
-            "max_looks",
-            "max_seconds",
-            "max_looks_again",
-            "max_questions",
-        )
-        limits = {name: value for name in names if (value := getattr(self, name)) is not None}
-        if not self.guard:
-            limits["guard_looks"] = 0
-        return Settings(seed=self.seed, **limits)
+        from executive.core.settings import Settings
+
+        names = {each.name for each in dataclasses.fields(Settings)} & {each.name for each in dataclasses.fields(self)}
+        chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
+        return Settings(**chosen) if self.guard else Settings(**chosen, guard_looks=0)
 
 
 def check_folder(config: RunConfig) -> None:
@@ -147,13 +285,13 @@ def check_folder(config: RunConfig) -> None:
     Raises:
         InputError: nothing can be written there, or there is a run of that name.
     """
-    check_writable(config.runs, "--runs")
+    check_writable(config.runs, "runs")
     if config.name is not None and os.path.lexists(config.runs / config.name):
         raise _taken(config.runs / config.name)
 
 
 def _taken(folder: Path) -> InputError:
-    return InputError("there is a run of this name already; choose another with --name", file=folder)
+    return OptionError("there is a run of this name already; choose another with `name`", file=folder, option="name")
 
 
 def make_folder(config: RunConfig, domain: Domain) -> Path:
@@ -170,8 +308,8 @@ def make_folder(config: RunConfig, domain: Domain) -> Path:
         except FileExistsError:
             continue
         except (OSError, ValueError) as error:
-            raise InputError(f"cannot be made: {reason(error)}", file=folder, key="--runs") from error
-        write_atomic(folder / CONFIG, _toml(config).encode())
+            raise OptionError(f"cannot be made: {reason(error)}", file=folder, option="runs") from error
+        write_atomic(folder / CONFIG, f"# All that decides how this run went.\n{as_toml(config)}".encode())
         return folder
     raise _taken(config.runs / names[0])
 
@@ -182,40 +320,7 @@ def read_config(run: Path) -> RunConfig:
     Raises:
         InputError: there is none in it, or a damaged one.
     """
-    from pydantic import TypeAdapter, ValidationError
-
     file = run / CONFIG
     if not os.path.exists(file):
         raise InputError("is missing: the run's configuration is not known", file=file)
-    said = read_toml(file)
-    try:
-        return TypeAdapter(RunConfig).validate_python(said)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise InputError(first["msg"], file=file, key=".".join(map(str, first["loc"]))) from None
-    except InputError as error:
-        raise InputError(error.message, file=file, key=error.key) from None
-
-
-def _toml(config: RunConfig) -> str:
-    lines = ["# All that decides how this run went.", *_settings(config)]
-    for name, table in (("eye", config.eye), ("monitor", config.monitor)):
-        lines += ["", f"[{name}]", *_settings(table)] if table is not None else []
-    return "\n".join(lines) + "\n"
-
-
-def _written(value: object) -> object:
-    """Return the value as it is in the file, without lone surrogates, which paths may have and TOML may not."""
-    if isinstance(value, tuple):
-        return [_written(each) for each in value]
-    return legible(str(value)) if isinstance(value, str | Path) else value
-
-
-def _settings(config: RunConfig | EstimatorConfig | MonitorConfig) -> list[str]:
-    """Return a line for each option that is set, as TOML: JSON strings, numbers, booleans and arrays of them are."""
-    values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
-    return [
-        f"{name} = {json.dumps(_written(value))}".replace("\x7f", "\\u007f")
-        for name, value in values.items()
-        if value is not None and not isinstance(value, EstimatorConfig | MonitorConfig)
-    ]
+    return make(RunConfig, {}, file)

@@ -297,7 +297,7 @@ def disk() -> Finding:
     except OSError as error:
         return Finding("disk", State.MISSING, _line(reason(error)), "export TMPDIR=FOLDER")
     for place, key, command in (
-        (runs, "--runs", "executive run DOMAIN --runs FOLDER"),
+        (runs, "runs", "executive run DOMAIN --runs FOLDER"),
         (temporary, "TMPDIR", "export TMPDIR=FOLDER"),
     ):
         try:

@@ -16,9 +16,10 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from executive.app.estimators import EstimatorConfig, load_calibration, open_estimator
+from executive.app.config import EstimatorConfig
+from executive.app.estimators import load_calibration, open_estimator
 from executive.domain.loader import load_subject
-from executive.errors import InputError
+from executive.errors import InputError, OptionError
 from executive.s3e import S3E, Finding, observe
 from executive.s3e.pictures import read_picture
 from executive.types import Atom, Image
@@ -169,7 +170,7 @@ def tell_video(
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"cannot be made ({error.strerror})", file=out, key="--out") from None
+        raise OptionError(f"cannot be made ({error.strerror})", file=out, option="out") from None
     try:
         with Film(recording) as film:
             for moment, image, estimate in session.watch(video.name, frames):
@@ -251,7 +252,7 @@ def choose(atoms: Sequence[Atom], patterns: Sequence[str]) -> tuple[Atom, ...]:
     matched: set[Atom] = set()
     for pattern in patterns:
         if len(pattern) > _LONGEST:
-            raise InputError(f"a pattern has {len(pattern):,} characters, and may have {_LONGEST:,}", key="--atoms")
+            raise OptionError(f"a pattern has {len(pattern):,} characters, and may have {_LONGEST:,}", option="atoms")
         plain = re.sub(r"\s+", "", pattern).lower()
         wanted = plain if "(" in plain else f"{plain}(*)"
         found = [atom for atom in atoms if fnmatchcase(str(atom).lower(), wanted)]
@@ -259,9 +260,9 @@ def choose(atoms: Sequence[Atom], patterns: Sequence[str]) -> tuple[Atom, ...]:
             names = {str(atom).lower(): str(atom) for atom in atoms}
             near = difflib.get_close_matches(plain, names, n=1, cutoff=0.0)
             predicates = ", ".join(dict.fromkeys(atom.predicate for atom in atoms))
-            raise InputError(
+            raise OptionError(
                 f"no atom matches {pattern!r}; the nearest is {names[near[0]]}, and the predicates are: {predicates}",
-                key="--atoms",
+                option="atoms",
             )
         matched.update(found)
     return tuple(atom for atom in atoms if atom in matched) if patterns else tuple(atoms)
@@ -275,7 +276,7 @@ def _own_atoms(questions: Sequence[str], atoms: Sequence[Atom]) -> dict[Atom, st
     own = {}
     for number, question in enumerate(dict.fromkeys(questions), start=1):
         if not question.strip() or not question.isprintable():
-            raise InputError(f"{question!r} is not a line of text", key="--question")
+            raise OptionError(f"{question!r} is not a line of text", option="question")
         own[Atom(predicate, (f"number-{number}",))] = question.strip()
     return own
 

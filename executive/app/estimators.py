@@ -7,12 +7,13 @@ It is shared by the commands `run` and `estimate`. Everything that is built here
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+from executive.app.config import INSTRUCTIONS, PAPER, EstimatorConfig
 from executive.domain.loader import Subject
-from executive.errors import InputError, nearest
+from executive.errors import OptionError, nearest
 from executive.s3e import (
     LEAST_MASS,
     S3E,
@@ -26,104 +27,20 @@ from executive.s3e import (
     instruct,
     load_instructions,
 )
-from executive.s3e.backends.openai_client import ChatServer, base_url
+from executive.s3e.backends.openai_client import ChatServer
 from executive.s3e.calibration import FILE, Calibration
 from executive.s3e.questions.prompts import GROCERY_INSTRUCTIONS
 from executive.types import Questions
 from executive.util.files import home
 
-TRANSLATORS = ("templates", "llm", "none")
-
-DOMAIN, PAPER, NONE = "domain", "paper", "none"
-"""The values of `--instructions`: the domain's own, the paper's, none; anything else is a file."""
-
 SHIPPED = Path(__file__).parents[1] / "models"
 """The folder of the models that come with Executive: `grocery-eye` for the domain grocery."""
 
 NO_MODEL = (
-    "no model comes with the domain {name!r}: pass --vlm with a vision-language model's folder or id on the model hub, "
-    "or --server with the address of an OpenAI-compatible server that has one, or train one: executive train {name} "
+    "no model comes with the domain {name!r}: pass `vlm` with a vision-language model's folder or id on the model hub, "
+    "or `server` with the address of an OpenAI-compatible server that has one, or train one: executive train {name} "
     "--out {name}-eye (or use ground truth: executive run {name} --estimator oracle)"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class EstimatorConfig:
-    """The options of a vision-language estimator.
-
-    Attributes:
-        vlm: a checkpoint's folder or hub id; without it, the model that comes with the domain. With `server`, a model's
-            name there (without it, the only one there).
-        server: the address of an OpenAI-compatible server.
-        translator: what words the questions: the domain's `templates`, a language model (`llm`), or `none`.
-        llm: the translator's language model: a folder, a hub id, or a model's name at the server; without it, the
-            server's model that also answers the questions.
-        instructions: descriptions of how things look that go into the prompt: True for the domain's, False for none,
-            "paper" for the paper's (for its groceries, Appendix E.3), or a file.
-        per_image: whether each picture is asked about on its own, and the probabilities are averaged.
-        calibration: a file that corrects probabilities; without it, the one in the model's folder, if there is one.
-        cameras: those whose pictures the model gets, in this order; without any, all.
-        abstention: whether an answer counts as none when little probability mass is on yes and no; without it, the
-            probability is yes / (yes + no) always.
-
-    Raises:
-        InputError: a value is not valid, or two options exclude each other.
-    """
-
-    vlm: str | None = None
-    server: str | None = None
-    translator: str = "templates"
-    llm: str | None = None
-    instructions: bool | str = True
-    per_image: bool = False
-    calibration: Path | None = None
-    cameras: tuple[str, ...] = ()
-    abstention: bool = True
-
-    def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "instructions", {DOMAIN: True, NONE: False}.get(str(self.instructions), self.instructions)
-        )
-        object.__setattr__(self, "cameras", tuple(dict.fromkeys(self.cameras)))
-        if self.translator not in TRANSLATORS:
-            hint = nearest(self.translator, TRANSLATORS)
-            raise InputError(f"no translator {self.translator!r}; {hint}", key="--translator")
-        if self.server is not None:
-            base_url(self.server)  # refuses addresses with secrets, which would go into a run's record
-        if self.llm is not None and self.translator != "llm":
-            raise InputError("goes with --translator llm", key="--llm")
-        if self.translator == "llm" and self.llm is None and self.server is None:
-            raise InputError("needs --llm with a language model's folder or id", key="--translator llm")
-
-    def words(self) -> list[str]:
-        """Return the command-line arguments that stand for these options."""
-        instructions = self.instructions if isinstance(self.instructions, str) else None
-        options = {
-            "--vlm": self.vlm,
-            "--server": self.server,
-            "--translator": self.translator if self.translator != "templates" else None,
-            "--llm": self.llm,
-            "--instructions": instructions,
-            "--cameras": ",".join(self.cameras) or None,
-            "--calibration": self.calibration,
-        }
-        flags = {
-            "--no-instructions": self.instructions is False,
-            "--per-image": self.per_image,
-            "--no-abstention": not self.abstention,
-        }
-        words = [word for name, value in options.items() if value is not None for word in (name, str(value))]
-        return [*words, *(flag for flag, given in flags.items() if given)]
-
-    def check_cameras(self, there: Collection[str]) -> None:
-        """Check that the scene has these cameras.
-
-        Raises:
-            InputError: it lacks one of them.
-        """
-        for name in self.cameras:
-            if name not in there:
-                raise InputError(f"there is no camera {name!r}; {nearest(name, there)}", key="--cameras")
 
 
 def shipped(name: str) -> Path | None:
@@ -142,7 +59,7 @@ def with_default_model(config: EstimatorConfig, subject: Subject) -> EstimatorCo
         return config
     folder = shipped(subject.name)
     if folder is None:
-        raise InputError(NO_MODEL.format(name=subject.name), key="--vlm")
+        raise OptionError(NO_MODEL.format(name=subject.name), option="vlm")
     return replace(config, vlm=str(folder))
 
 
@@ -217,8 +134,8 @@ def instructions(config: EstimatorConfig, subject: Subject) -> str:
             return GROCERY_INSTRUCTIONS
         case str(name):
             if not os.path.isfile(home(name)):
-                hint = nearest(name, (DOMAIN, PAPER, NONE))
-                raise InputError(f"there is no file {name!r}; or, of the words: {hint}", key="--instructions")
+                hint = nearest(name, INSTRUCTIONS)
+                raise OptionError(f"there is no file {name!r}; or, of the words: {hint}", option="instructions")
             return load_instructions(home(name))
         case True if subject.instructions is not None:
             return load_instructions(subject.instructions)

@@ -6,12 +6,9 @@ Everything that is built here can be built by hand from `executive.belief`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from types import MappingProxyType
 
 from executive.app import sensor_fit
-from executive.app.estimators import EstimatorConfig
+from executive.app.config import EstimatorConfig, MonitorConfig
 from executive.belief import (
     EXACT,
     ActionModel,
@@ -23,59 +20,8 @@ from executive.belief import (
     Thresholds,
 )
 from executive.domain.loader import Domain
-from executive.errors import InputError, nearest
+from executive.errors import OptionError
 from executive.planning.mutex_groups import find_mutexes
-
-
-@dataclass(frozen=True, slots=True)
-class MonitorConfig:
-    """The options of a monitor.
-
-    Attributes:
-        alpha: the requested error rate: the share of looks in which, by predicate, some atom may get the wrong value.
-            The thresholds follow from the calibration looks in the file `trust`. Without an error rate they are
-            `executive.belief.bayes_filter.DEFAULT_THRESHOLDS`.
-        threshold: thresholds every answer at this probability instead: no unknowns, no consistency, no memory, as in
-            the paper (0.5).
-        memory: whether earlier looks count; without it, each moment is estimated from its own looks alone.
-        trust: the file with the sensor model and the calibration looks; by default, the one in the model's folder.
-
-    Raises:
-        InputError: a value is out of its range, or two options exclude each other.
-    """
-
-    alpha: float | None = None
-    threshold: float | None = None
-    memory: bool = True
-    trust: Path | None = None
-
-    def __post_init__(self) -> None:
-        if self.alpha is not None and not 0.0 < self.alpha < 1.0:
-            raise InputError(f"expected an error rate between 0 and 1, got {self.alpha:g}", key="--alpha")
-        if self.threshold is not None and not 0.0 <= self.threshold <= 1.0:
-            raise InputError(f"expected a probability from 0 to 1, got {self.threshold:g}", key="--threshold")
-        if self.threshold is not None and self.alpha is not None:
-            raise InputError("sets the thresholds by an error rate, and excludes --threshold", key="--alpha")
-        if self.threshold is not None and self.trust is not None:
-            raise InputError("excludes --threshold, which uses no sensor model", key="--trust")
-
-
-PRESETS: Mapping[str, MonitorConfig] = MappingProxyType(
-    {"plain": MonitorConfig(threshold=0.5), "consistent": MonitorConfig(memory=False), "full": MonitorConfig()}
-)
-"""plain: each answer thresholded on its own, as in the paper; consistent: the answers of one moment made consistent;
-full: the same with memory."""
-
-
-def preset(name: str, key: str = "--monitor") -> MonitorConfig:
-    """Return the preset of that name.
-
-    Raises:
-        InputError: there is none.
-    """
-    if name not in PRESETS:
-        raise InputError(f"no monitor {name!r}; {nearest(name, PRESETS)}", key=key)
-    return PRESETS[name]
 
 
 def open_monitor(
@@ -116,9 +62,9 @@ def _sensor_model(
     if estimator is None and config.trust is None:
         if config.alpha is not None:
             message = (
-                "needs --estimator vlm, or --trust where a fault makes the oracle err: the oracle has no error rate"
+                "needs `estimator` vlm, or `trust` where a fault makes the oracle err: the oracle has no error rate"
             )
-            raise InputError(message, key="--alpha")
+            raise OptionError(message, option="alpha")
         return oracle, {}
     file = config.trust or (
         sensor_fit.default_file(estimator.vlm) if estimator is not None and estimator.server is None else None
@@ -127,17 +73,17 @@ def _sensor_model(
         if config.alpha is not None:
             message = (
                 f"the model's error rates are not known: there is no {sensor_fit.FILE} in its folder; make one with "
-                "executive calibrate, or name one with --trust"
+                "executive calibrate, or name one with `trust`"
             )
-            raise InputError(message, key="--alpha")
+            raise OptionError(message, option="alpha")
         return SensorModel(), {}
     known = sensor_fit.load(file, domain.name)
     if config.alpha is None:
         return known.sensor_model, {}
     unmeasured = sorted({atom.predicate for atom in domain.task.atoms} - known.conformal.scores.keys())
     if unmeasured:
-        raise InputError(f"has no calibration looks about {', '.join(unmeasured)}", file=file, key="--alpha")
+        raise OptionError(f"has no calibration looks about {', '.join(unmeasured)}", file=file, option="alpha")
     try:
         return known.sensor_model, known.conformal.thresholds(config.alpha)
     except ValueError as error:
-        raise InputError(str(error), file=file, key="--alpha") from None
+        raise OptionError(str(error), file=file, option="alpha") from None

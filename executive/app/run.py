@@ -12,8 +12,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from executive.app.assembly import make_executive
-from executive.app.config import CONFIG, ESTIMATORS, RunConfig, check_folder, make_folder, read_config
-from executive.app.estimators import EstimatorConfig, open_estimator, with_default_model
+from executive.app.config import CONFIG, EstimatorConfig, RunConfig, check_folder, make_folder, read_config
+from executive.app.estimators import open_estimator, with_default_model
 from executive.app.monitors import open_monitor
 from executive.app.resume import PastRun
 from executive.app.worlds import make_setting, oracle_sensor_model
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CONFIG",
-    "ESTIMATORS",
     "Run",
     "RunConfig",
     "read_config",

@@ -13,7 +13,7 @@ import numpy as np
 from executive.app.config import MUJOCO, SYMBOLIC_WORLD, RunConfig
 from executive.core.attention import Attention
 from executive.domain.loader import Domain
-from executive.errors import DomainError, InputError, nearest
+from executive.errors import DomainError, OptionError, nearest
 from executive.faults import Fault, parse_fault
 from executive.faults.catalogue import PHYSICAL, SYMBOLIC
 from executive.protocols import Estimator, Skill
@@ -201,7 +201,7 @@ def _only_in(world: str, fault: Fault) -> Fault:
     """
     if fault.kind in (SYMBOLIC if world == MUJOCO else PHYSICAL):
         other = SYMBOLIC_WORLD if world == MUJOCO else MUJOCO
-        raise InputError(f"fault {str(fault)!r}: only with --world {other}", key="--fault")
+        raise OptionError(f"fault {str(fault)!r}: only with `world` {other}", option="faults")
     return fault
 
 

@@ -20,7 +20,8 @@ import typer
 
 from executive import __version__
 from executive.cli import streams
-from executive.errors import ExecutiveError
+from executive.cli.options import with_flags
+from executive.errors import ExecutiveError, OptionError
 
 REACHED, NOT_REACHED, BAD_INPUT, BUG, INTERRUPTED, TERMINATED = 0, 1, 2, 70, 130, 143
 
@@ -81,6 +82,8 @@ def exit_code(arguments: Sequence[str]) -> int:
 def _exit_line(error: Exception, arguments: Sequence[str]) -> tuple[int, str]:
     """Return the exit code for an error, and its message in one line."""
     match error:
+        case OptionError():
+            return error.exit_code, one_line(str(with_flags(error)))
         case ExecutiveError():
             return error.exit_code, one_line(str(error))
         case typer.TyperException():

@@ -49,43 +49,6 @@ def latest(folder: Path) -> list[Path]:
     return sorted((path for path in folder.glob("*/")), key=lambda path: path.stat().st_mtime, reverse=True)
 
 
-def estimators() -> Offer:
-    from executive.app.run import ESTIMATORS
-
-    meanings = {
-        "oracle": "ground truth",
-        "vlm": "a vision-language model",
-        "none": "open loop",
-    }
-    return [(name, meanings.get(name, "")) for name in ESTIMATORS]
-
-
-def monitors() -> Offer:
-    meanings = {
-        "plain": "each answer thresholded on its own",
-        "consistent": "the answers of one moment made consistent",
-        "full": "the same with memory",
-    }
-    return list(meanings.items())
-
-
-def translators() -> Offer:
-    from executive.app.estimators import TRANSLATORS
-
-    meanings = {
-        "templates": "the domain's own questions",
-        "llm": "a language model words them",
-        "none": "bare predicates",
-    }
-    return [(name, meanings.get(name, "")) for name in TRANSLATORS]
-
-
-def instructions() -> Offer:
-    from executive.app.estimators import DOMAIN, NONE, PAPER
-
-    return [(DOMAIN, "the domain's own"), (PAPER, "the paper's, for its groceries"), (NONE, "no instructions")]
-
-
 def _offered(found: Callable[[], Iterable[tuple[str, str]]]) -> Offer:
     with contextlib.suppress(Exception):
         return list(found())

@@ -5,40 +5,31 @@ from __future__ import annotations
 import json
 import sys
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from executive.cli import completion
+from executive.app.config import MONITORS, MonitorConfig, preset
 from executive.cli.app import NOT_REACHED, REACHED, one_line
-from executive.cli.options import RunName
+from executive.cli.options import RunName, with_options
 from executive.cli.run_commands import run_folder
 from executive.errors import InputError
 
 if TYPE_CHECKING:
-    from executive.app.monitors import MonitorConfig
     from executive.replay import Comparison
 
 
+@with_options()
 def replay(
     run: RunName,
+    options: MonitorConfig,
     monitor: Annotated[
         str | None,
         typer.Option(
             help="The monitor: plain, consistent or full; the run's own if not given.",
-            autocompletion=completion.monitors,
+            autocompletion=lambda: list(MONITORS.items()),
         ),
     ] = None,
-    alpha: Annotated[
-        float | None,
-        typer.Option(help="Error rate: the share of looks that may have a wrong value; the rest is unknown."),
-    ] = None,
-    threshold: Annotated[
-        float | None, typer.Option(help="Threshold each answer on its own, without unknowns; 0.5 as in the paper.")
-    ] = None,
-    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Combine looks with earlier ones.")] = True,
-    trust: Annotated[Path | None, typer.Option(help="A file with the model's error rates.")] = None,
     every: Annotated[bool, typer.Option("--all", help="Show the decisions that are the same, too.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print both sides as JSON.")] = False,
 ) -> int:
@@ -50,7 +41,7 @@ def replay(
 
     began = time.perf_counter()
     folder = run_folder(run)
-    comparison = compare_run(folder, _wanted(monitor, alpha, threshold, memory, trust))
+    comparison = compare_run(folder, _wanted(monitor, options))
     seconds = time.perf_counter() - began
     if as_json:
         print(json.dumps({"run": str(folder), **_document(comparison), "seconds": round(seconds, 3)}, indent=2))
@@ -59,17 +50,11 @@ def replay(
     return REACHED if comparison.agree else NOT_REACHED
 
 
-def _wanted(
-    monitor: str | None, alpha: float | None, threshold: float | None, memory: bool, trust: Path | None
-) -> MonitorConfig | None:
+def _wanted(monitor: str | None, options: MonitorConfig) -> MonitorConfig | None:
     """Return the requested monitor; None for the run's own."""
-    given = alpha is not None or threshold is not None or not memory or trust is not None
-    if monitor is None and not given:
-        return None
-    from executive.app.monitors import MonitorConfig, preset
-
+    given = options != MonitorConfig()
     if monitor is None:
-        return MonitorConfig(alpha, threshold, memory, trust)
+        return options if given else None
     if given:
         raise InputError("names a preset, and excludes the options that set a monitor up", key="--monitor")
     return preset(monitor)

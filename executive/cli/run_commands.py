@@ -9,31 +9,16 @@ import re
 import shlex
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from executive.app.config import MUJOCO, RunConfig, read_config
 from executive.cli import completion, streams
 from executive.cli.app import NOT_REACHED, REACHED, ctrl_c, one_line
-from executive.cli.options import (
-    Abstention,
-    CalibrationFile,
-    Cameras,
-    DomainName,
-    Instructions,
-    LanguageModel,
-    Model,
-    NoInstructions,
-    PerImage,
-    ProblemFile,
-    ProblemName,
-    RunName,
-    Server,
-    TranslatorName,
-    chosen_problem,
-    estimator_config,
-)
+from executive.cli.options import ProblemFile, RunName, chosen_problem, with_options
 from executive.errors import InputError
 from executive.types import OutcomeKind
 from executive.util.files import check_writable, reason
@@ -42,126 +27,31 @@ if TYPE_CHECKING:
     from executive.app.run import Run
 
 
+Json = Annotated[bool, typer.Option("--json", help="Print the summary on stdout, all else on stderr.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors, and --json.")]
+View = Annotated[bool, typer.Option("--view", help="Watch it in the Rerun viewer while it goes on.")]
+
+
+@with_options(file=True)
 def run(
-    domain: DomainName,
+    config: RunConfig,
     problem_file: ProblemFile = None,
-    problem: ProblemName = None,
-    world: Annotated[
-        str,
-        typer.Option(
-            help="mujoco (the simulator), or symbolic: no simulator, actions have the effects that the PDDL gives them."
-        ),
-    ] = "",
-    no_effect: Annotated[
-        float, typer.Option(help="With --world symbolic: the share of actions that do nothing.", metavar="SHARE")
-    ] = 0.0,
-    exogenous: Annotated[
-        float, typer.Option(help="With --world symbolic: how often another agent acts, too.", metavar="SHARE")
-    ] = 0.0,
-    flip: Annotated[
-        float, typer.Option(help="With --world symbolic: the share of answers that are wrong.", metavar="SHARE")
-    ] = 0.0,
-    seed: Annotated[int, typer.Option(min=0, help="Fixes the scene and every random number.")] = 0,
-    estimator: Annotated[
-        str,
-        typer.Option(
-            help="What estimates the state: vlm (a model), oracle (ground truth), or none (open loop).",
-            show_default="vlm; oracle in the symbolic world",
-            autocompletion=completion.estimators,
-        ),
-    ] = "",
-    vlm: Model = None,
-    server: Server = None,
-    translator: TranslatorName = "templates",
-    llm: LanguageModel = None,
-    instructions: Instructions = None,
-    no_instructions: NoInstructions = False,
-    per_image: PerImage = False,
-    cameras: Cameras = None,
-    abstention: Abstention = True,
-    calibration: CalibrationFile = None,
-    alpha: Annotated[
-        float | None,
-        typer.Option(help="Error rate: the share of looks that may have a wrong value; the rest is unknown."),
+    faults_file: Annotated[
+        Path | None, typer.Option("--faults", help="A TOML file with a list of faults, such as faults = [...].")
     ] = None,
-    threshold: Annotated[
-        float | None, typer.Option(help="Threshold each answer on its own, without unknowns; 0.5 as in the paper.")
-    ] = None,
-    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Combine looks with earlier ones.")] = True,
-    trust: Annotated[Path | None, typer.Option(help="A file with the model's error rates.")] = None,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(help="Break something: drop@4, shove:p=0.3 (see: executive faults); repeat it for more."),
-    ] = None,
-    faults: Annotated[
-        Path | None, typer.Option(help="A TOML file with a list of faults, such as faults = [...].")
-    ] = None,
-    home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
-    grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.0,
-    max_replans: Annotated[int | None, typer.Option(min=0, help="Give up after so many.")] = None,
-    max_actions: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
-    max_cycles: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
-    max_looks: Annotated[int | None, typer.Option(min=1, help="Give up after so many.")] = None,
-    max_seconds: Annotated[float | None, typer.Option(min=0.0, help="Give up after so many wall seconds.")] = None,
-    patience: Annotated[
-        float, typer.Option(help="Time limit of a look, a plan or an action, in wall seconds.")
-    ] = 900.0,
-    max_looks_again: Annotated[
-        int | None, typer.Option(min=0, help="Looks again at uncertain atoms, in a row.")
-    ] = None,
-    max_questions: Annotated[int | None, typer.Option(min=1, help="Atoms that a look may ask about.")] = None,
-    guard: Annotated[
-        bool, typer.Option("--guard/--no-guard", help="Look at what is carried while it is carried.")
-    ] = True,
-    runs: Annotated[Path, typer.Option(help="Where the run's folder is made.")] = Path("runs"),
-    name: Annotated[str | None, typer.Option(help="The name of the run's folder.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary on stdout, all else on stderr.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors, and --json.")] = False,
-    viewer: Annotated[bool, typer.Option("--trace-viewer/--no-trace-viewer", help="Write trace.rrd, too.")] = True,
-    view: Annotated[bool, typer.Option("--view", help="Watch it in the Rerun viewer while it goes on.")] = False,
-    tree: Annotated[bool, typer.Option("--tree", help="Show the search trees of motion planning.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    view: View = False,
 ) -> int:
     """Reach a problem's goal in the simulator or the symbolic world, and record everything that happens."""
-    from executive.app.config import MUJOCO, RunConfig
-    from executive.app.estimators import EstimatorConfig
-    from executive.app.monitors import MonitorConfig
     from executive.faults import read_faults
     from executive.util import requirements
 
-    if view and not viewer:
+    if view and not config.viewer:
         raise InputError("needs the viewer's trace, which --no-trace-viewer turns off", key="--view")
-    broken = (*(fault or ()), *(read_faults(faults) if faults is not None else ()))
-    eye = estimator_config(
-        vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
-    )
-    config = RunConfig(
-        domain=domain,
-        problem=chosen_problem(problem_file, problem),
-        world=world,
-        no_effect=no_effect,
-        exogenous=exogenous,
-        flip=flip,
-        seed=seed,
-        estimator=estimator,
-        faults=broken,
-        home_pose=home_pose,
-        grasp_noise=grasp_noise,
-        max_replans=max_replans,
-        max_actions=max_actions,
-        max_cycles=max_cycles,
-        max_looks=max_looks,
-        max_seconds=max_seconds,
-        patience=patience,
-        max_looks_again=max_looks_again,
-        max_questions=max_questions,
-        guard=guard,
-        runs=runs,
-        name=name,
-        viewer=viewer,
-        tree=tree,
-        eye=eye if eye != EstimatorConfig() else None,
-        monitor=MonitorConfig(alpha, threshold, memory, trust),
-    )
+    faults = read_faults(faults_file) if faults_file is not None else ()
+    problem = chosen_problem(problem_file, config.problem)
+    config = replace(config, problem=problem, faults=(*config.faults, *faults))
     requirements.require(config.world == MUJOCO)
 
     from executive.app import run as assemble
@@ -178,12 +68,11 @@ def run(
 
 def resume(
     run: RunName,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary on stdout, all else on stderr.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors, and --json.")] = False,
-    view: Annotated[bool, typer.Option("--view", help="Watch it in the Rerun viewer while it goes on.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    view: View = False,
 ) -> int:
     """Go on with a run whose process was killed, that crashed, or that was interrupted: look first, repeat nothing."""
-    from executive.app.config import MUJOCO, read_config
     from executive.util import requirements
 
     folder = run_folder(run)
@@ -282,7 +171,7 @@ def inspect(
     if png is not None and not os.path.isdir(png.parent):
         raise InputError("there is no such folder", file="--png", key=str(png.parent))
     if png is not None:
-        check_writable(png.parent, "--png")
+        check_writable(png.parent, "png")
     with waiting(sys.stderr, "reading the events"):
         ensure_trace(folder)
     if png is None:

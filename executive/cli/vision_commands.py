@@ -10,27 +10,16 @@ from typing import Annotated
 
 import typer
 
+from executive.app.config import EstimatorConfig
 from executive.cli import completion, pool_options
 from executive.cli.app import NOT_REACHED, REACHED, SECONDS_TO_LEAVE, ctrl_c, one_line
-from executive.cli.options import (
-    Abstention,
-    CalibrationFile,
-    Cameras,
-    DomainName,
-    Instructions,
-    LanguageModel,
-    Model,
-    NoInstructions,
-    PerImage,
-    ProblemName,
-    Server,
-    TranslatorName,
-    estimator_config,
-)
+from executive.cli.options import DomainName, ProblemName, with_options
 from executive.errors import InputError
+from executive.lab.config import CollectConfig, EvalConfig, TrainConfig
 from executive.util.files import check_writable
 
 
+@with_options()
 def estimate(
     domain: Annotated[
         str,
@@ -39,6 +28,7 @@ def estimate(
             autocompletion=completion.domains,
         ),
     ],
+    config: EstimatorConfig,
     problem: ProblemName = None,
     image: Annotated[list[Path] | None, typer.Option(help="A picture; repeat it to show several together.")] = None,
     video: Annotated[Path | None, typer.Option(help="A video instead of pictures.")] = None,
@@ -49,16 +39,6 @@ def estimate(
     question: Annotated[
         list[str] | None, typer.Option(help="A question of your own, instead of all atoms; repeat it for more.")
     ] = None,
-    vlm: Model = None,
-    server: Server = None,
-    translator: TranslatorName = "templates",
-    llm: LanguageModel = None,
-    instructions: Instructions = None,
-    no_instructions: NoInstructions = False,
-    per_image: PerImage = False,
-    cameras: Cameras = None,
-    abstention: Abstention = True,
-    calibration: CalibrationFile = None,
     out: Annotated[Path, typer.Option(help="The folder for a video's plot and recording.")] = Path("."),
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON, with the prompts.")] = False,
 ) -> int:
@@ -70,15 +50,12 @@ def estimate(
         raise InputError("pass pictures with --image, or a video with --video", key="estimate")
     images = estimating.read_images(image or [])
     frames = read_frames(video, every) if video is not None else iter(())
-    config = estimator_config(
-        vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
-    )
     if video is None:
         config.check_cameras(images)
-    elif cameras:
+    elif config.cameras:
         raise InputError("chooses among several pictures; a video has one", key="--cameras")
     if video is not None or out != Path("."):
-        check_writable(out, "--out")
+        check_writable(out, "out")
     session = estimating.Session(domain, problem, config, atoms or (), question or ())
     for warning in session.warnings:
         print(f"warning: {one_line(warning)}", file=sys.stderr)
@@ -89,16 +66,9 @@ def estimate(
     return REACHED if answered else NOT_REACHED
 
 
+@with_options()
 def collect(
-    domain: DomainName,
-    out: Annotated[Path, typer.Option(help="The folder for the data; one that was begun is gone on with.")],
-    points: Annotated[int, typer.Option(min=1, help="How many completed actions to picture.")] = 2000,
-    problem: ProblemName = None,
-    seed: Annotated[int, typer.Option(min=0, help="Fixes everything, however many processes share the work.")] = 0,
-    home_pose: Annotated[bool, typer.Option("--home-pose/--no-home-pose", help="Go home after each action.")] = True,
-    grasp_noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the grasp, in m.")] = 0.010,
-    slips: Annotated[float, typer.Option(min=0.0, max=1.0, help="Chance of losing what is carried.")] = 0.05,
-    jobs: pool_options.Jobs = None,
+    config: CollectConfig,
     engine: pool_options.Engine = "processes",
     address: pool_options.Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was collected as JSON.")] = False,
@@ -112,44 +82,24 @@ def collect(
     from executive.lab.collection import collect as collecting
     from executive.lab.common.progress import show_progress, summary
 
-    config = collecting.CollectConfig(domain, out, points, problem, seed, home_pose, grasp_noise, slips, jobs)
     with (
         collecting.Collection(config, _warn) as collection,
         ctrl_c(collection.cancel, SECONDS_TO_LEAVE) as interrupted,
         show_progress(sys.stderr) as watch,
     ):
-        manifest = collection.run(watch, lambda: pool_options.make_pool(collection.player, jobs, engine, address))
+        manifest = collection.run(
+            watch, lambda: pool_options.make_pool(collection.player, config.jobs, engine, address)
+        )
     if manifest is None:
         print(f"interrupted; finished episodes are kept, go on with: {config.command}", file=sys.stderr)
         return interrupted.code
-    print(json.dumps(manifest, indent=2) if as_json else summary(manifest, out))
+    print(json.dumps(manifest, indent=2) if as_json else summary(manifest, config.out))
     return REACHED
 
 
+@with_options()
 def evaluate(
-    domain: DomainName,
-    data: Annotated[Path, typer.Argument(help="A finished collection (see: executive collect).")],
-    problem: ProblemName = None,
-    vlm: Model = None,
-    server: Server = None,
-    translator: TranslatorName = "templates",
-    llm: LanguageModel = None,
-    instructions: Instructions = None,
-    no_instructions: NoInstructions = False,
-    per_image: PerImage = False,
-    cameras: Cameras = None,
-    abstention: Abstention = True,
-    calibration: CalibrationFile = None,
-    looks: Annotated[int | None, typer.Option(min=1, help="Only the first ones.")] = None,
-    paraphrases: Annotated[Path | None, typer.Option(help="A file with other wordings of the questions.")] = None,
-    rename: Annotated[bool, typer.Option("--rename/--no-rename", help="Use that file's names of objects, too.")] = True,
-    disturb: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Disturb the pictures: lights, cameras, jpeg=40, blurred=3, noisy=40, dark=0.7; repeat it for more."
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Fixes which wording and what disturbance a look gets.")] = 0,
+    config: EvalConfig,
     beside: Annotated[
         list[Path] | None, typer.Option(help="The folder of another evaluation, to show beside; repeat it for more.")
     ] = None,
@@ -166,13 +116,9 @@ def evaluate(
     from executive.lab.common.progress import show_progress
     from executive.lab.evaluation import report as reporting
     from executive.lab.evaluation import store
-    from executive.lab.evaluation.evaluate import EvalConfig, Evaluator
+    from executive.lab.evaluation.evaluate import Evaluator
     from executive.trace.terminal.console import waiting
 
-    eye = estimator_config(
-        vlm, server, translator, llm, instructions, no_instructions, per_image, cameras, abstention, calibration
-    )
-    config = EvalConfig(domain, data, eye, problem, looks, paraphrases, rename, tuple(disturb or ()), seed)
     others = [store.load(folder) for folder in beside or ()]
     again = shlex.join([*shlex.split(config.command), *(["--out", str(out)] if out is not None else [])])
     folder = out or store.default_folder(config)
@@ -218,15 +164,9 @@ def calibrate(
     print(f"written to {file}")
 
 
+@with_options()
 def train(
-    domain: DomainName,
-    out: Annotated[Path, typer.Option(help="The folder for everything; an interrupted training in it is continued.")],
-    problem: ProblemName = None,
-    recipe: Annotated[
-        str, typer.Option(help="The size of the model and of the training: small, or smallest to try it out.")
-    ] = ("small"),
-    seed: Annotated[int, typer.Option(min=0, help="Fixes everything but rounding.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes and threads; all cores if not given.")] = None,
+    config: TrainConfig,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
 ) -> int:
     """Train a vision-language model for this domain on simulated pictures alone; takes a night."""
@@ -235,15 +175,15 @@ def train(
     requirements.require()
 
     from executive.lab.common.progress import show_stages
-    from executive.lab.training.train import TrainConfig, Training
+    from executive.lab.training.train import Training
 
-    training = Training(TrainConfig(domain, out, problem, recipe, seed, jobs))
+    training = Training(config)
     with ctrl_c(training.cancel, SECONDS_TO_LEAVE) as interrupted, show_stages(sys.stderr) as watch:
         model = training.run(watch)
     if model is None:
-        print(f"interrupted; everything is kept, go on with: {training.config.command}", file=sys.stderr)
+        print(f"interrupted; everything is kept, go on with: {config.command}", file=sys.stderr)
         return interrupted.code
-    look = shlex.join(["executive", "run", domain, "--vlm", str(model)])
+    look = shlex.join(["executive", "run", config.domain, "--vlm", str(model)])
     print(json.dumps({"model": str(model), "run": look}, indent=2) if as_json else f"{model}; run with it: {look}")
     return REACHED
 

@@ -7,7 +7,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
-from executive.app.monitors import MonitorConfig, open_monitor
+from executive.app.config import MonitorConfig
+from executive.app.monitors import open_monitor
 from executive.belief import Monitor, ThresholdMonitor, Thresholds
 from executive.errors import InputError
 from executive.replay.engine import Replay, replay
@@ -100,8 +101,8 @@ def _opened(wanted: MonitorConfig, folder: Path, record: Record) -> Monitor:
     """The monitor that a run with this configuration would have had. Only a threshold needs nothing but the atoms."""
     if wanted.threshold is not None:
         return ThresholdMonitor(record.started.task.atoms, Thresholds(wanted.threshold, wanted.threshold))
-    from executive.app.config import read_config
-    from executive.app.estimators import EstimatorConfig, with_default_model
+    from executive.app.config import EstimatorConfig, read_config
+    from executive.app.estimators import with_default_model
     from executive.app.worlds import oracle_sensor_model
     from executive.domain.loader import load_domain
 

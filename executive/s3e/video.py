@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executive.errors import InputError, MissingError
+from executive.errors import InputError, MissingError, OptionError
 from executive.s3e.pictures import LARGEST
 from executive.types import Image
 
@@ -41,7 +41,7 @@ def read_frames(path: Path | str, every: float) -> Iterator[tuple[float, Image]]
     """
     file = Path(path)
     if not every > 0:
-        raise InputError(f"expected seconds, more than none, got {every:g}", key="--every")
+        raise OptionError(f"expected seconds, more than none, got {every:g}", option="every")
     try:
         import av
     except ImportError:

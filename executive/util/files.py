@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from executive.errors import InputError
+from executive.errors import InputError, OptionError
 
 LARGEST, LARGEST_TOML = 10_000_000, 1_000_000
 """The default size limits in bytes. Parsing TOML takes seconds for each million of them."""
@@ -164,12 +164,12 @@ def parse_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
     return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
 
 
-def check_writable(folder: Path, key: str) -> None:
+def check_writable(folder: Path, option: str) -> None:
     """Check now, and not only when there is something to write, that files can be written to a folder, or to where it
     would have to be made.
 
     Args:
-        key: the option that names another folder.
+        option: the option that names another folder.
 
     Raises:
         InputError: a file cannot be made there, or there is no room for one.
@@ -179,8 +179,8 @@ def check_writable(folder: Path, key: str) -> None:
             file.write(bytes(_PAGE))
             file.flush()
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"nothing can be written there ({reason(error)}); name another folder", file=folder, key=key
+        raise OptionError(
+            f"nothing can be written there ({reason(error)}); name another folder", file=folder, option=option
         ) from None
 
 

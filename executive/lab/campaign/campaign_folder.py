@@ -18,7 +18,9 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ValidationError
 
-from executive.errors import InputError, nearest
+from executive.app.config import RunConfig
+from executive.app.options import options
+from executive.errors import InputError, OptionError, nearest
 from executive.lab.campaign.design import Campaign, Episode
 from executive.lab.campaign.episode import FAILED, Row, row_of
 from executive.lab.campaign.rows import Rows, read_rows
@@ -109,7 +111,7 @@ class CampaignFolder:
         names = {name: who for who in self.campaign.configurations for name in (str(who), who.estimator)}
         for name in only:
             if name not in names:
-                raise InputError(f"no configuration {name!r}; {nearest(name, names)}", key="--only")
+                raise OptionError(f"no configuration {name!r}; {nearest(name, names)}", option="only")
         chosen = frozenset(self.campaign.seeds[:seeds])
         return [
             episode
@@ -225,6 +227,9 @@ def _difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str | None
                 return f"{word} {name!r} {'was another one' if kind == 'contenders' else 'were others'}"
     for kind in ("options", "versions"):
         for name, value in here[kind].items():
-            if there[kind].get(name) != value:
-                return f"{name.replace('_', ' ')} is {there[kind].get(name)} there and {value} here"
+            former = there[kind].get(name)
+            if former is None and kind == "options":  # an option that there was not yet
+                former = options(RunConfig)[name].default
+            if former != value:
+                return f"{name.replace('_', ' ')} is {former} there and {value} here"
     return None

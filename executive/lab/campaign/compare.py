@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from executive.errors import InputError, nearest
+from executive.errors import OptionError, nearest
 from executive.lab.campaign.episode import Row
 from executive.lab.campaign.intervals import RESAMPLES, Interval, bootstrap, mcnemar
 from executive.lab.campaign.results import METRICS, Metric, Results, load_results
@@ -57,8 +57,8 @@ def compare(first: str, second: str) -> list[tuple[Side, Side, list[Paired]]]:
         if pairs:
             found.append((one, other, pairs))
     if not found:
-        raise InputError(
-            f"{first} and {second} have no episode in common: same problem, seed and faults", key="--compare"
+        raise OptionError(
+            f"{first} and {second} have no episode in common: same problem, seed and faults", option="compare"
         )
     return found
 
@@ -139,9 +139,9 @@ def _opened(what: str) -> _Opened:
     results = load_results(Path(folder))
     if configuration is not None and configuration not in results.configurations:
         hint = nearest(configuration, results.configurations)
-        raise InputError(f"no configuration {configuration!r}; {hint}", file=folder, key="--compare")
+        raise OptionError(f"no configuration {configuration!r}; {hint}", file=folder, option="compare")
     if not results.cells:
-        raise InputError("has no episodes yet", file=folder, key="--compare")
+        raise OptionError("has no episodes yet", file=folder, option="compare")
     return _Opened(folder, results, configuration)
 
 
@@ -156,5 +156,5 @@ def _sides(first: _Opened, second: _Opened) -> list[tuple[Side, Side]]:
             f"say which configurations: {first.folder}:{mine[0]} {second.folder}:{theirs[0]}, for example; "
             f"the first folder has {', '.join(mine)}, the second {', '.join(theirs)}"
         )
-        raise InputError(message, key="--compare")
+        raise OptionError(message, option="compare")
     return [(first.side(name), second.side(name)) for name in common]

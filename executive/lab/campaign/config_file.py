@@ -30,23 +30,23 @@ from __future__ import annotations
 
 import hashlib
 import os
-import reprlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from executive.app.config import ESTIMATORS
-from executive.app.estimators import EstimatorConfig, with_default_model
-from executive.app.monitors import PRESETS, MonitorConfig, preset
+from executive.app.config import ESTIMATORS, PRESETS, EstimatorConfig, MonitorConfig, RunConfig, preset
+from executive.app.estimators import with_default_model
+from executive.app.options import C, make, options, read_values
 from executive.app.worlds import parse_faults
 from executive.domain.loader import load_domain
-from executive.errors import InputError, nearest
+from executive.errors import InputError, OptionError, nearest
 from executive.lab.campaign.design import Campaign, Configuration, Episode, Place
 from executive.util.files import home, read_toml
+from executive.util.validation import first_mistake
 
 LARGEST = 1_000_000
 """Episodes of a campaign."""
@@ -85,41 +85,6 @@ class _Domain(_Table):
     problems: list[str] = []
 
 
-class _Estimator(_Table):
-    estimator: str | None = None
-    vlm: str | None = None
-    server: str | None = None
-    translator: str = "templates"
-    llm: str | None = None
-    instructions: bool | str = True
-    per_image: bool = False
-    calibration: str | None = None
-    cameras: list[str] = []
-    abstention: bool = True
-
-
-class _Monitor(_Table):
-    alpha: float | None = None
-    threshold: float | None = None
-    memory: bool = True
-    trust: str | None = None
-    max_looks_again: int | None = Field(default=None, ge=0)
-    max_questions: int | None = Field(default=None, ge=1)
-    guard: bool = True
-
-
-class _Run(_Table):
-    home_pose: bool = True
-    grasp_noise: float = 0.0
-    max_replans: int | None = Field(default=None, ge=0)
-    max_actions: int | None = Field(default=None, ge=1)
-    max_cycles: int | None = Field(default=None, ge=1)
-    max_looks: int | None = Field(default=None, ge=1)
-    max_looks_again: int | None = Field(default=None, ge=0)
-    max_questions: int | None = Field(default=None, ge=1)
-    guard: bool = True
-
-
 class _File(_Table):
     title: str = Field(min_length=1)
     about: str = ""
@@ -127,15 +92,23 @@ class _File(_Table):
     minutes: float = Field(default=20.0, gt=0.0, le=100_000.0)
     domains: list[_Domain] = Field(min_length=1)
     faults: dict[str, list[str]] = {"no faults": []}
-    estimators: dict[str, _Estimator] = {"oracle": _Estimator()}
-    monitors: dict[str, _Monitor] = {"full": _Monitor()}
-    run: _Run = _Run()
+    estimators: dict[str, dict[str, Any]] = {"oracle": {}}
+    monitors: dict[str, dict[str, Any]] = {"full": {}}
+    run: dict[str, Any] = {}
 
 
 _PATIENCE = ("max_looks_again", "max_questions", "guard")
-"""What a monitor's table says of looking, and not of what is made of looks."""
+"""Options of a run that a monitor's table may have: they say how much is looked at."""
 
-_TABLES: Mapping[str, type[_Table]] = {"domains": _Domain, "estimators": _Estimator, "monitors": _Monitor, "run": _Run}
+_RUN = [
+    name
+    for name, each in options(RunConfig).items()
+    if len(each.path) == 1
+    # What the campaign says itself, what depends on the machine's speed, and where the run is kept.
+    and name not in ("domain", "problem", "seed", "estimator", "faults", "max_seconds", "patience")
+    and name not in ("runs", "name", "viewer", "tree")
+]
+"""Options of a run that all episodes have in common."""
 
 
 class _Reader:
@@ -162,7 +135,7 @@ class _Reader:
             places=self._places(),
             configurations=self._configurations(),
             faults=MappingProxyType({name: tuple(specs) for name, specs in said.faults.items()}),
-            options=MappingProxyType(said.run.model_dump()),
+            options=MappingProxyType(self._options()),
             minutes=said.minutes,
             about=" ".join(said.about.split()),
         )
@@ -202,41 +175,32 @@ class _Reader:
         return tuple(places.values())
 
     def _configurations(self) -> tuple[Configuration, ...]:
-        made = []
+        made, monitors = [], {title: self._monitor_options(title) for title in self._said.monitors}
         for name, said in self._said.estimators.items():
-            kind = said.estimator or name
             key = f"estimators.{name}"
+            kind = said.get("estimator", name)
             if kind not in ESTIMATORS:
-                self._fail(key, f"say which estimator it is; {nearest(kind, ESTIMATORS)}")
-            eye, model = self._eye(said, kind, key)
+                self._fail(key, f"say which estimator it is; {nearest(str(kind), ESTIMATORS)}")
+            eye, model = self._eye({each: said[each] for each in said if each != "estimator"}, kind, key)
             if kind == "none":
                 made.append(Configuration(name, "", kind))
                 continue
-            for title, options in self._said.monitors.items():
-                monitor = self._monitor(title, options)
+            for title, chosen in monitors.items():
+                monitor = self._monitor(title, chosen)
                 # What one monitor for all is called goes without saying.
                 told = title if len(self._said.monitors) > 1 else ""
-                others = {key: getattr(options, key) for key in _PATIENCE if key in options.model_fields_set}
+                others = {each: value for each, value in chosen.items() if each in _PATIENCE}
                 made.append(Configuration(name, told, kind, eye, monitor, model, others))
         return tuple(made)
 
-    def _eye(self, said: _Estimator, kind: str, key: str) -> tuple[EstimatorConfig | None, str]:
-        options = said.model_dump(exclude={"estimator"})
+    def _eye(self, said: Mapping[str, Any], kind: str, key: str) -> tuple[EstimatorConfig | None, str]:
         if kind != "vlm":
-            if said.model_fields_set - {"estimator"}:
-                self._fail(key, f"{kind!r} asks no model; options of an eye go with vlm")
+            if said:
+                self._fail(key, f"{kind!r} asks no model; its options go with vlm")
             return None, ""
-        if said.vlm is not None and said.server is None:
-            options["vlm"] = str(self._beside(said.vlm))
-        if isinstance(said.instructions, str):
-            options["instructions"] = str(self._beside(said.instructions))
-        options["cameras"] = tuple(said.cameras)
-        if said.calibration is not None:
-            options["calibration"] = self._beside(said.calibration)
-        try:
-            eye = EstimatorConfig(**options)
-        except InputError as error:
-            self._fail(key, error.message)
+        chosen = read_values(EstimatorConfig, said, self._path, key)
+        files = ("instructions", "calibration") if "server" in chosen else ("vlm", "instructions", "calibration")
+        eye = self._made(EstimatorConfig, self._with_files(chosen, files), key)
         folders = {}
         for place in self._said.domains:
             with suppress(InputError):  # no model comes with the domain; `check` says so when one is needed
@@ -245,34 +209,50 @@ class _Reader:
         digests = (model_digest(home(folder)) for folder, here in folders.items() if folder and here)
         return eye, " ".join(filter(None, digests))
 
-    def _monitor(self, name: str, said: _Monitor) -> MonitorConfig:
-        key = f"monitors.{name}"
-        if said.model_fields_set <= {*_PATIENCE} and name in PRESETS:
-            return preset(name)
-        if not said.model_fields_set:
-            self._fail(key, f"say what it does, or name one of Executive's own; {nearest(name, PRESETS)}")
-        trust = None if said.trust is None else self._beside(said.trust)
-        try:
-            return MonitorConfig(said.alpha, said.threshold, said.memory, trust)
-        except InputError as error:
-            self._fail(key, error.message)
+    def _monitor_options(self, name: str) -> dict[str, Any]:
+        said, key = self._said.monitors[name], f"monitors.{name}"
+        chosen = read_values(RunConfig, {each: said[each] for each in said if each in _PATIENCE}, self._path, key)
+        others = {each: said[each] for each in said if each not in _PATIENCE}
+        valid = [*options(MonitorConfig), *_PATIENCE]
+        return {**chosen, **read_values(MonitorConfig, others, self._path, key, valid)}
 
-    def _beside(self, name: str) -> Path:
+    def _monitor(self, name: str, said: Mapping[str, Any]) -> MonitorConfig:
+        chosen = {each: said[each] for each in said if each not in _PATIENCE}
+        if not chosen and name in PRESETS:
+            return preset(name)
+        if not said:
+            message = f"say what it does, or name one of Executive's own; {nearest(name, PRESETS)}"
+            self._fail(f"monitors.{name}", message)
+        return self._made(MonitorConfig, self._with_files(chosen, ("trust",)), f"monitors.{name}")
+
+    def _options(self) -> dict[str, Any]:
+        """Return what all episodes have in common, with defaults."""
+        chosen = read_values(RunConfig, self._said.run, self._path, "run", _RUN)
+        return {name: chosen.get(name, options(RunConfig)[name].default) for name in _RUN}
+
+    def _made(self, model: type[C], values: Mapping[str, Any], key: str) -> C:
+        try:
+            return make(model, values)
+        except OptionError as error:
+            self._fail(f"{key}.{error.option}", error.message)
+
+    def _with_files(self, values: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+        """Return the values with those files beside the campaign's file that are there."""
+        found = {
+            name: type(value)(self._beside(value))
+            for name, value in values.items()
+            if name in names and not isinstance(value, bool)
+        }
+        return {**values, **found}
+
+    def _beside(self, name: str | Path) -> Path:
         """What lies beside the campaign's file, if it is there; else what a command line would mean by it."""
         there = self._path.parent / name
         return there if os.path.exists(there) else Path(name)
 
     def _misread(self, error: ValidationError) -> NoReturn:
-        # A misspelt key is also a missing one: the first is what to say.
-        first = min(error.errors(), key=lambda entry: entry["type"] != "extra_forbidden")
-        key = tuple(str(part) for part in first["loc"] if part not in ("int", "list[int]"))
-        if first["type"] == "extra_forbidden":
-            table = _File if len(key) == 1 else _TABLES[key[0]]
-            self._fail(".".join(key), f"unknown key; {nearest(key[-1], table.model_fields)}")
-        if first["type"] == "missing":
-            self._fail(".".join(key), "is missing")
-        should = first["msg"].partition(" should ")[2] or first["msg"]
-        self._fail(".".join(key), f"should {should}, got {reprlib.repr(first['input'])}")
+        path, message = first_mistake(error, _File)
+        self._fail(".".join(path), message)
 
     def _fail(self, key: str, message: str) -> NoReturn:
         raise InputError(message, file=self._path, key=key)

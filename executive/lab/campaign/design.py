@@ -13,8 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from executive.app.estimators import EstimatorConfig
-from executive.app.monitors import MonitorConfig
+from executive.app.config import EstimatorConfig, MonitorConfig
 from executive.app.run import RunConfig
 from executive.trace.record.codec import encode
 

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executive.app.config import PATIENCE
+from executive.app.options import command_words
 from executive.app.run import Run, RunConfig
 from executive.errors import ExecutiveError
 from executive.faults import parse_fault
@@ -23,7 +23,7 @@ from executive.types import Facts
 from executive.util.files import legible
 
 if TYPE_CHECKING:
-    from executive.app.estimators import EstimatorConfig
+    from executive.app.config import EstimatorConfig
     from executive.s3e.backends.shared_client import Address
     from executive.s3e.estimator import S3E
 
@@ -109,7 +109,8 @@ class Simulated:
         config = episode.config
         if config.estimator != "vlm":
             return None
-        from executive.app.estimators import EstimatorConfig, open_estimator
+        from executive.app.config import EstimatorConfig
+        from executive.app.estimators import open_estimator
         from executive.domain.loader import load_domain
         from executive.s3e.backends.shared_client import SharedBackend
 
@@ -184,35 +185,8 @@ def out_of_reach(truth: Facts, items: Sequence[str]) -> tuple[str, ...]:
 
 def command(config: RunConfig) -> str:
     """The command that repeats a run."""
-    words = ["executive", "run", config.domain]
-    estimator, monitor = config.eye, config.monitor
-    options: dict[str, object] = {
-        "--problem": config.problem,
-        "--seed": config.seed,
-        "--estimator": config.estimator,
-        "--grasp-noise": config.grasp_noise or None,
-        "--max-replans": config.max_replans,
-        "--max-actions": config.max_actions,
-        "--max-cycles": config.max_cycles,
-        "--max-looks": config.max_looks,
-        "--max-seconds": config.max_seconds,
-        "--patience": config.patience if config.patience != PATIENCE else None,
-        "--max-looks-again": config.max_looks_again,
-        "--max-questions": config.max_questions,
-        "--alpha": monitor.alpha,
-        "--threshold": monitor.threshold,
-        "--trust": monitor.trust,
-    }
-    flags = {
-        "--no-home-pose": not config.home_pose,
-        "--no-memory": not monitor.memory,
-        "--no-guard": not config.guard,
-    }
-    for name, value in options.items():
-        words += [name, str(value)] if value is not None else []
-    words += [word for spec in config.faults for word in ("--fault", spec)]
-    words += [] if estimator is None else estimator.words()
-    return legible(shlex.join([*words, *(flag for flag, given in flags.items() if given)]))
+    words = command_words(config, without=("runs", "name", "viewer", "tree"))
+    return legible(shlex.join(["executive", "run", *words]))
 
 
 def _which(episode: Episode) -> dict[str, Any]:

@@ -8,16 +8,12 @@ collection that was killed resumes with the episodes that are missing, and one m
 from __future__ import annotations
 
 import json
-import math
 import os
-import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -26,71 +22,18 @@ from executive.domain.loader import Domain, load_domain
 from executive.errors import ExecutiveError, InputError
 from executive.lab.collection import data_card, dataset
 from executive.lab.collection.dataset import Log
-from executive.lab.collection.episode import MOST_FAILURES, MOST_POINTS, Collector
+from executive.lab.collection.episode import MOST_FAILURES, Collector
 from executive.lab.common.folder_lock import lock, remove_partial
 from executive.lab.common.process_pool import ProcessPool, ReportProgress, WorkerLostError, WorkerPool, run_jobs
 from executive.lab.common.progress import Progress
+from executive.lab.config import CollectConfig
 from executive.sim.spec import read_scene
-from executive.util.files import legible
-
-GRASP_NOISE, SLIPS = 0.010, 0.05
-"""m, and a probability. With these, `executive collect grocery --points 60 --seed 1` completed 31 of 35 picks and 29 of
-30 places; 6 mm spoil hardly any pick, 15 mm spoil three in ten. Each data card has its own count."""
 
 FRUITLESS = 10
 """Episodes without a single point after which a collection is given up."""
 
 DECIDING = ("executive", "daqp", "mink", "mujoco", "numpy", "ompl", "pillow", "robosuite", "scipy", "toppra")
 """Packages that the data may differ with, so that a collection is not continued with another version of one."""
-
-
-@dataclass(frozen=True, slots=True)
-class CollectConfig:
-    """The settings of a collection.
-
-    `grasp_noise` is a standard deviation in m, `slips` the probability that the gripper opens in an action that carries
-    something, `per_episode` the number of completed actions before a reset, and `jobs` the number of processes (one per
-    core if not given), on which the data does not depend."""
-
-    domain: str
-    out: Path
-    points: int = 2000
-    problem: str | None = None
-    seed: int = 0
-    home_pose: bool = True
-    grasp_noise: float = GRASP_NOISE
-    slips: float = SLIPS
-    jobs: int | None = None
-    per_episode: int = MOST_POINTS
-
-    def __post_init__(self) -> None:
-        if self.points < 1:
-            raise InputError(f"{self.points} is not a number of points from 1 on", key="--points")
-        if not 0 <= self.seed < 2**63:
-            raise InputError(f"{self.seed} is not a seed from 0 to 2^63 - 1", key="--seed")
-        if not (math.isfinite(self.grasp_noise) and self.grasp_noise >= 0.0):
-            raise InputError(f"{self.grasp_noise} is not a standard deviation in m", key="--grasp-noise")
-        if not 0.0 <= self.slips <= 1.0:
-            raise InputError(f"{self.slips} is not a probability from 0 to 1", key="--slips")
-        if self.per_episode < 1:
-            raise InputError(f"{self.per_episode} is not a number of points from 1 on", key="per_episode")
-        if self.jobs is not None and self.jobs < 1:
-            raise InputError(f"{self.jobs} is not a number of processes from 1 on", key="--jobs")
-
-    @property
-    def command(self) -> str:
-        """The command that starts this collection, and that resumes it."""
-        words = ["executive", "collect", self.domain, "--points", str(self.points), "--seed", str(self.seed)]
-        words += ["--out", str(self.out)]
-        if self.problem is not None:
-            words += ["--problem", self.problem]
-        if not self.home_pose:
-            words += ["--no-home-pose"]
-        if self.grasp_noise != GRASP_NOISE:
-            words += ["--grasp-noise", repr(self.grasp_noise)]
-        if self.slips != SLIPS:
-            words += ["--slips", repr(self.slips)]
-        return legible(shlex.join(words))
 
 
 class Task(NamedTuple):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executive.errors import InputError, nearest
+from executive.errors import OptionError, nearest
 from executive.faults.image_noise import SPOILED, most, spoiled
 from executive.lab.collection.dataset import JPEG_QUALITY, Point
 from executive.trace.record.pictures import from_jpeg, to_jpeg
@@ -54,13 +54,13 @@ class Disturbance:
         for spec in specs:
             kind, equals, value = spec.partition("=")
             if kind not in ("lights", "cameras", "jpeg", *SPOILED) or bool(equals) is (kind in ("lights", "cameras")):
-                raise InputError(f"no disturbance {spec!r}; {nearest(spec, KINDS)}", key="--disturb")
+                raise OptionError(f"no disturbance {spec!r}; {nearest(spec, KINDS)}", option="disturb")
             if kind in told:
-                raise InputError(f"{kind} comes twice", key="--disturb")
+                raise OptionError(f"{kind} comes twice", option="disturb")
             told[kind] = value
         jpeg = told.get("jpeg")
         if jpeg is not None and not (jpeg.isascii() and jpeg.isdigit() and len(jpeg) < 3 and 1 <= int(jpeg) <= 95):
-            raise InputError(f"{jpeg!r} is not a quality from 1 to 95", key="--disturb jpeg")
+            raise OptionError(f"jpeg={jpeg} is not a quality from 1 to 95", option="disturb")
         worse = tuple((way, _amount(way, told[way])) for way in SPOILED if way in told)
         return cls("lights" in told, "cameras" in told, None if jpeg is None else int(jpeg), worse)
 
@@ -137,5 +137,5 @@ class Disturber:
 
 def _amount(way: str, text: str) -> float:
     if not (_NUMBER.fullmatch(text) and float(text) <= most(way)):
-        raise InputError(f"{text!r} is no number up to {most(way):g} ({SPOILED[way]})", key=f"--disturb {way}")
+        raise OptionError(f"{way}={text} is no number up to {most(way):g} ({SPOILED[way]})", option="disturb")
     return float(text)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
@@ -20,7 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from executive.app.estimators import EstimatorConfig, load_calibration, open_estimator, with_default_model
+from executive.app.config import EstimatorConfig
+from executive.app.estimators import load_calibration, open_estimator, with_default_model
 from executive.domain.loader import Domain, Subject, load_domain, load_subject
 from executive.errors import InputError
 from executive.lab.collection import dataset
@@ -29,6 +29,7 @@ from executive.lab.collection.dataset import Point
 from executive.lab.common.journal import Journal, lines
 from executive.lab.common.process_pool import ReportProgress, WorkerPool, run_jobs
 from executive.lab.common.progress import Progress
+from executive.lab.config import EvalConfig
 from executive.lab.evaluation import published
 from executive.lab.evaluation.disturbance import Disturbance, Disturber
 from executive.lab.evaluation.metrics import Answers
@@ -36,56 +37,10 @@ from executive.lab.evaluation.mistakes import Mistakes
 from executive.lab.evaluation.paraphrases import Paraphrases
 from executive.s3e import S3E, Templates
 from executive.types import Atom, Belief, FloatArray, Image, Observation, Questions
-from executive.util.files import home, legible, parse_json
+from executive.util.files import home, parse_json
 
 FRUITLESS = 10
 """The number of consecutive looks without an answer after which an evaluation is aborted."""
-
-
-@dataclass(frozen=True, slots=True)
-class EvalConfig:
-    """What is evaluated, on what, and how.
-
-    `data` is the folder of a finished collection; `looks` how many of its points are looked at, the first ones, or None
-    for all. `paraphrases` is a file of other wordings; `rename` whether objects are called as it says, too. `disturb`
-    makes looks harder (`executive.lab.evaluation.disturbance`). `seed` fixes which wording and what disturbance each
-    look gets."""
-
-    domain: str
-    data: Path
-    eye: EstimatorConfig
-    problem: str | None = None
-    looks: int | None = None
-    paraphrases: Path | None = None
-    rename: bool = True
-    disturb: tuple[str, ...] = ()
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        Disturbance.parse(self.disturb)
-        if self.looks is not None and self.looks < 1:
-            raise InputError(f"{self.looks} is not a number of looks from 1 on", key="--looks")
-        if self.seed < 0:
-            raise InputError(f"{self.seed} is not a seed from 0 on", key="--seed")
-        if self.paraphrases is not None and self.eye.translator != "templates":
-            raise InputError("words the questions itself; it goes with --translator templates", key="--paraphrases")
-        if not self.rename and self.paraphrases is None:
-            raise InputError("goes with --paraphrases", key="--no-rename")
-
-    @property
-    def command(self) -> str:
-        """The command that repeats the evaluation."""
-        words = ["executive", "eval", self.domain, str(self.data)]
-        options = {
-            "--problem": self.problem,
-            "--looks": self.looks,
-            "--paraphrases": self.paraphrases,
-            "--seed": self.seed or None,
-        }
-        for name, value in options.items():
-            words += [name, str(value)] if value is not None else []
-        words += [word for spec in self.disturb for word in ("--disturb", spec)]
-        return legible(shlex.join([*words, *self.eye.words(), *([] if self.rename else ["--no-rename"])]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

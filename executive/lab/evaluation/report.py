@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from executive.errors import InputError
+from executive.errors import OptionError
 from executive.lab.collection.dataset import write_atomically
 from executive.lab.common import html
 from executive.lab.evaluation import page, plots
@@ -57,7 +57,7 @@ def write(
         text = page.page(made, rows(named, published), source, figures, mistakes, mistaken)
         write_atomically(folder / REPORT, text.encode())
     except OSError as error:
-        raise InputError(f"cannot be written to ({error.strerror})", file=folder, key="--out") from None
+        raise OptionError(f"cannot be written to ({error.strerror})", file=folder, option="out") from None
     return made
 
 

@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from executive.errors import InputError
+from executive.errors import InputError, OptionError
 from executive.lab.collection.dataset import write_atomically
 from executive.lab.common.folder_lock import LOCK, lock, remove_partial
-from executive.lab.evaluation.evaluate import EvalConfig, Evaluation, command_of
+from executive.lab.config import EvalConfig
+from executive.lab.evaluation.evaluate import Evaluation, command_of
 from executive.lab.evaluation.metrics import Answers, never_true, scores
 from executive.types import Atom
 from executive.util.files import check_writable, parse_arrays, read_bytes, read_json
@@ -119,10 +120,12 @@ def claimed(folder: Path, command: str) -> Iterator[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / RESULTS).is_file() and any(not each.name.startswith(".") for each in folder.iterdir()):
-            raise InputError("holds something else than an evaluation; choose another folder", file=folder, key="--out")
+            raise OptionError(
+                "holds something else than an evaluation; choose another folder", file=folder, option="out"
+            )
     except OSError as error:
-        raise InputError(f"cannot be made ({error.strerror})", file=folder, key="--out") from None
-    check_writable(folder, "--out")
+        raise OptionError(f"cannot be made ({error.strerror})", file=folder, option="out") from None
+    check_writable(folder, "out")
     held = lock(folder, "evaluating", command)
     try:
         remove_partial(folder)

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import json
 import os
-import shlex
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,43 +23,15 @@ from executive.lab.collection import dataset
 from executive.lab.common.folder_lock import lock, remove_partial
 from executive.lab.common.process_pool import ProcessPool, WorkerLostError, run_jobs
 from executive.lab.common.progress import RemainingTime, Stage
+from executive.lab.config import TrainConfig
 from executive.lab.training.presets import PRESETS, Preset
 from executive.sim.spec import read_scene
-from executive.util.files import legible, read_json
+from executive.util.files import read_json
 
 if TYPE_CHECKING:
     from executive.lab.training.optimiser import Report
 
 MANIFEST, PICTURES, MODEL = "training.json", "pictures", "model"
-
-
-@dataclass(frozen=True, slots=True)
-class TrainConfig:
-    """The settings of a training. `recipe` names one of `PRESETS`; `jobs` is the number of processes that draw pictures
-    and of threads that train, on which the model depends by rounding alone."""
-
-    domain: str
-    out: Path
-    problem: str | None = None
-    recipe: str = "small"
-    seed: int = 0
-    jobs: int | None = None
-
-    def __post_init__(self) -> None:
-        if self.recipe not in PRESETS:
-            raise InputError(f"no recipe {self.recipe!r}; there are: {', '.join(PRESETS)}", key="--recipe")
-        if self.seed < 0:
-            raise InputError(f"{self.seed} is not a seed from 0 on", key="--seed")
-        if self.jobs is not None and self.jobs < 1:
-            raise InputError(f"{self.jobs} is not a number of processes from 1 on", key="--jobs")
-
-    @property
-    def command(self) -> str:
-        """The command that starts this training, and that resumes it."""
-        words = ["executive", "train", self.domain, "--out", str(self.out)]
-        words += ["--problem", self.problem] if self.problem is not None else []
-        words += ["--recipe", self.recipe] if self.recipe != "small" else []
-        return legible(shlex.join([*words, *(["--seed", str(self.seed)] if self.seed else [])]))
 
 
 Watch = Callable[[Stage], None]

@@ -19,7 +19,7 @@ from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
-from executive.errors import InputError
+from executive.errors import InputError, OptionError
 from executive.s3e.backends.dialect import Dialect
 from executive.util.files import parse_json
 
@@ -309,13 +309,13 @@ def base_url(url: str) -> tuple[str, bool]:
         parts, host, port = urlsplit(""), "", None
     if parts.scheme not in ("http", "https") or not host or not all("!" <= character <= "~" for character in url):
         # Not repeated: what it was meant to be is unknown, and it may have a password in it.
-        raise InputError("is not a server's address such as http://127.0.0.1:8000/v1", key="--server")
+        raise OptionError("is not a server's address such as http://127.0.0.1:8000/v1", option="server")
     place = f"[{host}]" if ":" in host else host
     shown = f"{parts.scheme}://{place}{f':{port}' if port is not None else ''}{parts.path.rstrip('/') or '/v1'}"
     if parts.username is not None or parts.password is not None or parts.query or parts.fragment:
-        raise InputError(
+        raise OptionError(
             f"a server's address is scheme, host, port and path alone, such as {shown}; give a key as {KEY}",
-            key="--server",
+            option="server",
         )
     try:
         local = ip_address(host).is_loopback

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TextIO
 
-from executive.errors import InputError
+from executive.errors import InputError, OptionError
 from executive.trace.report.sentences import SENTENCES, cycles, decided, listed, looked, pictures, truth
 from executive.trace.terminal.console import console_for, printable
 from executive.trace.terminal.view import contradiction, spoken
@@ -85,7 +85,7 @@ def explain(events: Iterable[Event], cycle: int | None = None) -> list[str]:
     if started is None:
         raise InputError("these events are no run: none of them starts it")
     if cycle is not None and cycle not in chapters:
-        raise InputError(f"there is no cycle {cycle}; the run has cycles 0 to {max(chapters)}", key="--cycle")
+        raise OptionError(f"there is no cycle {cycle}; the run has cycles 0 to {max(chapters)}", option="cycle")
     lines = _opening(started)
     for number, some in sorted(chapters.items()):
         if cycle is None or number == cycle:

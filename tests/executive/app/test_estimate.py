@@ -17,8 +17,8 @@ from PIL import Image as Picture
 
 from executive import cli
 from executive.app import estimators
+from executive.app.config import EstimatorConfig
 from executive.app.estimate import Session, choose, read_images, tell_video
-from executive.app.estimators import EstimatorConfig
 from executive.domain.loader import load_subject
 from executive.errors import InputError
 from executive.s3e.backends.openai_backend import data_url

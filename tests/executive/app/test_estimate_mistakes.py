@@ -11,7 +11,7 @@ import pytest
 
 from executive import cli
 from executive.app import estimators
-from executive.app.estimators import EstimatorConfig
+from executive.app.config import EstimatorConfig
 from executive.errors import InputError
 from executive.s3e.calibration import FILE, Calibration, Scaling
 from tests.executive.app.estimating import ANSWER, LEMON, Estimate, estimating, say, write_pictures

@@ -163,7 +163,7 @@ def test_wrong_configurations_say_what_is_valid(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no item 'wood-table'"):
         Run(RunConfig("grocery", faults=("shove@3:item=wood-table",), runs=tmp_path))
     for noise in (-0.1, float("inf"), float("nan")):
-        with pytest.raises(InputError, match="--grasp-noise: "):
+        with pytest.raises(InputError, match=r"^grasp_noise: "):
             RunConfig("grocery", grasp_noise=noise)
     skill: Skill = Run(
         RunConfig("grocery", estimator="oracle", name="once", runs=tmp_path, viewer=False)

@@ -93,7 +93,7 @@ def test_an_interrupted_run_goes_on_in_its_world(config: RunConfig) -> None:
 
 
 def test_its_record_replays_to_the_same_decisions_also_with_the_monitor_made_anew(config: RunConfig) -> None:
-    from executive.app.monitors import MonitorConfig
+    from executive.app.config import MonitorConfig
 
     with Run(troubled(config, name="r")) as run:
         run.execute()
@@ -104,16 +104,16 @@ def test_its_record_replays_to_the_same_decisions_also_with_the_monitor_made_ane
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"world": "moon"}, "--world: no world 'moon'"),
+        ({"world": "moon"}, "world: no world 'moon'"),
         ({"world": "mujoco"}, "has no scene"),
-        ({"flip": 0.5}, "--flip"),
-        ({"no_effect": 1.5}, "--no-effect"),
-        ({"exogenous": -0.1}, "--exogenous"),
-        ({"estimator": "vlm"}, "--estimator"),
-        ({"faults": ("drop@1",)}, "only with --world mujoco"),
+        ({"flip": 0.5}, "flip: "),
+        ({"no_effect": 1.5}, "no_effect: "),
+        ({"exogenous": -0.1}, "exogenous: "),
+        ({"estimator": "vlm"}, "estimator: "),
+        ({"faults": ("drop@1",)}, "only with `world` mujoco"),
         ({"faults": ("exogenous:item=z@1",)}, "no item 'z'"),
-        ({"domain": "grocery", "problem": None, "world": "mujoco", "flip": 0.1}, "goes with --world symbolic"),
-        ({"domain": "grocery", "problem": None, "world": "mujoco", "faults": ("no-effect@1",)}, "--world symbolic"),
+        ({"domain": "grocery", "problem": None, "world": "mujoco", "flip": 0.1}, "goes with `world` symbolic"),
+        ({"domain": "grocery", "problem": None, "world": "mujoco", "faults": ("no-effect@1",)}, "`world` symbolic"),
     ],
 )
 def test_what_does_not_go_together_is_said(config: RunConfig, options: dict[str, object], words: str) -> None:

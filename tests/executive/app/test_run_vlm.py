@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from executive import cli
-from executive.app.estimators import EstimatorConfig
+from executive.app.config import EstimatorConfig
 from executive.app.run import Run, RunConfig, read_config
 from executive.errors import InputError
 from executive.replay.comparison import compare_run
@@ -144,7 +144,7 @@ def test_the_papers_settings_decide_what_is_asked_and_are_kept(
 
 
 def test_a_camera_that_is_none_is_one_line(seen: Callable[..., tuple[Run, Recorder]]) -> None:
-    with pytest.raises(InputError, match="--cameras: there is no camera 'fornt'; did you mean 'front'"):
+    with pytest.raises(InputError, match="cameras: there is no camera 'fornt'; did you mean 'front'"):
         seen(EstimatorConfig(server="http://127.0.0.1:9", cameras=("fornt",)))
 
 

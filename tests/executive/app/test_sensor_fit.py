@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from executive.app import monitors
-from executive.app.estimators import EstimatorConfig
-from executive.app.monitors import MonitorConfig, open_monitor
+from executive.app.config import EstimatorConfig, MonitorConfig
+from executive.app.monitors import open_monitor
 from executive.app.sensor_fit import FILE, fit, load, load_outcomes, save
 from executive.belief import (
     EXACT,
@@ -270,10 +270,10 @@ def test_a_monitor_is_put_together_from_a_few_words(model: EstimatorConfig) -> N
 @pytest.mark.parametrize(
     ("config", "looking", "file", "key"),
     [
-        ({"alpha": 0.1}, "oracle", None, "--alpha"),
+        ({"alpha": 0.1}, "oracle", None, "alpha"),
         ({"trust": Path("none.json")}, "oracle", "none.json", None),
-        ({"alpha": 0.1}, "elsewhere", None, "--alpha"),
-        ({"alpha": 0.001}, "model", FILE, "--alpha"),
+        ({"alpha": 0.1}, "elsewhere", None, "alpha"),
+        ({"alpha": 0.001}, "model", FILE, "alpha"),
         ({"trust": Path("none.json")}, "model", "none.json", None),
     ],
 )
@@ -312,7 +312,7 @@ def test_options_that_do_not_fit_are_one_line_and_leave_nothing_behind(
 ) -> None:
     assert exit_code(["run", "grocery", "--runs", str(tmp_path / "runs"), *options]) == BAD_INPUT
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert f"{key}: " in line
+    assert key in line
     assert not (tmp_path / "runs").exists()
 
 

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from executive.app import estimators
-from executive.app import run as assemble
 from executive.cli import completion
 from executive.domain import scaffold
 from executive.domain.loader import list_domains
@@ -40,9 +38,6 @@ def test_what_is_there_is_offered(folder: Path) -> None:
     assert words(completion.runs()) == ["tuesday", "monday"]
     assert words(completion.problems("shelf")) == ["one-block"]
     assert words(completion.problems("grocery")) == ["breakfast", "one-item"]
-    assert words(completion.estimators()) == list(assemble.ESTIMATORS)
-    assert words(completion.translators()) == list(estimators.TRANSLATORS)
-    assert all(meaning for _, meaning in (*completion.estimators(), *completion.translators()))
 
 
 @pytest.mark.parametrize("domain", [None, 3, "", "no-such-domain", "broken", "shelf/domain.pddl", "\0"])
@@ -65,6 +60,9 @@ def test_where_there_are_no_runs_none_is_offered(tmp_path: Path, monkeypatch: py
         ("run grocery --problem ", {"breakfast", "one-item"}),
         ("run grocery --seed 3 --problem b", {"breakfast"}),
         ("run grocery --estimator o", {"oracle"}),
+        ("run grocery --translator t", {"templates"}),
+        ("eval grocery data --instructions p", {"paper"}),
+        ("replay monday --monitor c", {"consistent"}),
         ("collect sh", {"shelf"}),
         ("inspect t", {"tuesday"}),
         ("run grocery --no-home", {"--no-home-pose"}),

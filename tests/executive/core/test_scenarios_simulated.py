@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 
 from executive.app.assembly import make_executive
-from executive.app.estimators import EstimatorConfig, open_estimator
+from executive.app.config import EstimatorConfig
+from executive.app.estimators import open_estimator
 from executive.app.run import Run, RunConfig
 from executive.app.worlds import load_attention, load_moves
 from executive.core.observer import CameraObserver

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.app.estimators import EstimatorConfig, open_estimator, shipped, with_default_model
+from executive.app.config import EstimatorConfig
+from executive.app.estimators import open_estimator, shipped, with_default_model
 from executive.app.run import Run, RunConfig
 from executive.domain.loader import load_domain
 from executive.lab.training.scene_sampler import SceneSampler

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive import cli
-from executive.app.monitors import MonitorConfig
+from executive.app.config import MonitorConfig
 from executive.app.resume import PastRun
 from executive.core.run_state import RunState
 from executive.core.settings import Settings
@@ -163,7 +163,11 @@ def test_what_is_missing_or_damaged_is_one_line(
     [
         (["--monitor", "plane"], "--monitor: no monitor 'plane'; did you mean 'plain'?"),
         (["--monitor", "plain", "--threshold", "0.4"], "--monitor: "),
-        (["--threshold", "1.4"], "--threshold: "),
+        (["--threshold", "1.4"], "--threshold"),
+        (
+            ["--threshold", "0.4", "--alpha", "0.1"],
+            "--alpha: sets the thresholds by an error rate, and excludes --threshold",
+        ),
         (["--monitor", "full"], "config.toml: is missing"),
     ],
 )

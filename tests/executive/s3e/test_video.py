@@ -116,7 +116,7 @@ def test_frames_that_are_too_large_are_not_read(clip: Path, monkeypatch: pytest.
 
 @pytest.mark.parametrize("every", [0.0, -1.0, float("nan")])
 def test_no_time_between_frames_is_one_line(clip: Path, every: float) -> None:
-    with pytest.raises(InputError, match="--every"):
+    with pytest.raises(InputError, match="every"):
         read_frames(clip, every)
 
 

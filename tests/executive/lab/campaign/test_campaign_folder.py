@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from executive.app.monitors import MonitorConfig
+from executive.app.config import MonitorConfig
 from executive.errors import InputError
 from executive.lab.campaign.campaign_folder import MANIFEST, WORK, CampaignFolder, read_manifest
 from executive.lab.campaign.design import Campaign, Configuration, Episode, Place
@@ -155,7 +155,7 @@ def test_rows_from_before_a_blind_outcome_had_a_name_of_its_own_count_the_same(
             {"configurations": (Configuration("oracle", kind="oracle", monitor_config=MonitorConfig(memory=False)),)},
             "the configuration 'oracle' was another one",
         ),
-        ({"options": MappingProxyType({"grasp_noise": 0.01})}, "grasp noise is None there and 0.01 here"),
+        ({"options": MappingProxyType({"grasp_noise": 0.01})}, "grasp noise is 0.0 there and 0.01 here"),
     ],
 )
 def test_another_campaign_in_the_same_folder_is_refused(tmp_path: Path, changes: Any, difference: str) -> None:

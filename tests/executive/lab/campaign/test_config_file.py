@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.app.estimators import EstimatorConfig, open_estimator
-from executive.app.monitors import PRESETS, MonitorConfig
+from executive.app.config import PRESETS, EstimatorConfig, MonitorConfig
+from executive.app.estimators import open_estimator
 from executive.domain.loader import load_subject
 from executive.errors import DomainError, InputError
 from executive.lab.campaign.config_file import check, model_digest, read_campaign
@@ -145,12 +145,18 @@ def test_episodes_come_seed_by_seed_and_each_once(seeds: int, faults: int) -> No
         (HEAD + "[faults]\nd = 'drop@3'\n", "faults.d: should be a valid list, got 'drop@3'"),
         (HEAD + "[estimators]\noracel = {}\n", "estimators.oracel: say which estimator it is; did you mean 'oracle'?"),
         (HEAD + "[estimators]\noracle = { vlm = 'x' }\n", "estimators.oracle: 'oracle' asks no model"),
-        (HEAD + "[estimators]\nvlm = { vlm = 'x', translator = 'lm' }\n", "estimators.vlm: no translator 'lm'"),
+        (
+            HEAD + "[estimators]\nvlm = { vlm = 'x', translator = 'lm' }\n",
+            "estimators.vlm.translator: no translator 'lm'",
+        ),
         (HEAD + "[monitors]\nplane = {}\n", "monitors.plane: say what it does, or name one of Executive's own"),
-        (HEAD + "[monitors]\nx = { max_questions = 0 }\n", "monitors.x.max_questions: should be greater than or equal"),
-        (HEAD + "[monitors]\nx = { alpha = 2.0 }\n", "monitors.x: expected an error rate between 0 and 1, got 2"),
-        (HEAD + "[run]\ngrasp_noise = 2.0\n", "run: --grasp-noise: a standard deviation in m"),
-        (HEAD + "[run]\nmax_actions = 0\n", "run.max_actions: should be greater than or equal to 1, got 0"),
+        (HEAD + "[monitors]\nx = { max_questions = 0 }\n", "monitors.x.max_questions: should be at least 1, got 0"),
+        (HEAD + "[monitors]\nx = { alpha = 2.0 }\n", "monitors.x.alpha: should be above 0 and below 1, got 2"),
+        (HEAD + "[run]\ngrasp_noise = 2.0\n", "run.grasp_noise: should be at least 0 and at most 1, got 2"),
+        (HEAD + "[monitors]\nx = { alhpa = 0.1 }\n", "monitors.x.alhpa: unknown key; did you mean 'alpha'?"),
+        (HEAD + "[monitors]\nx = { memory = 'yes' }\n", "monitors.x.memory: should be a valid boolean, got 'yes'"),
+        (HEAD + "[run]\nseed = 3\n", "run.seed: unknown key"),
+        (HEAD + "[run]\nmax_actions = 0\n", "run.max_actions: should be at least 1, got 0"),
         (HEAD.replace("seeds = 2", "seeds = 1000000") + "[estimators]\nnone = {}\noracle = {}\n", "makes 2,000,000"),
     ],
 )

@@ -11,8 +11,7 @@ import pytest
 
 from executive import cli
 from executive.app import run
-from executive.app.estimators import EstimatorConfig
-from executive.app.monitors import MonitorConfig
+from executive.app.config import EstimatorConfig, MonitorConfig
 from executive.app.run import RunConfig
 from executive.errors import InputError, MissingError
 from executive.lab.campaign.design import Configuration, Episode, Place

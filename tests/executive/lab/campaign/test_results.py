@@ -245,9 +245,9 @@ def test_sides_are_found_or_asked_for(folder: Path, tmp_path: Path) -> None:
         bench.play(bench.wanted(), Here())
     ((_, _, pairs),) = compare.compare(str(alone), f"{folder}:oracle")
     assert {each.pairs for each in pairs if each.metric.name == "success"} == {2}
-    with pytest.raises(InputError, match=r"--compare: .*:sole .*:none"):
+    with pytest.raises(InputError, match=r"compare: .*:sole .*:none"):
         compare.compare(str(alone), str(folder))
-    with pytest.raises(InputError, match=r"--compare: .*\'oracle\'"):
+    with pytest.raises(InputError, match=r"compare: .*\'oracle\'"):
         compare.compare(f"{folder}:oracel", str(alone))
     with pytest.raises(InputError, match="holds no campaign"):
         compare.compare(str(tmp_path), str(folder))

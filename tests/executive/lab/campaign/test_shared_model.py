@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from executive import cli
-from executive.app.estimators import EstimatorConfig
+from executive.app.config import EstimatorConfig
 from executive.app.run import RunConfig
 from executive.cli import campaign_commands
 from executive.lab.campaign.design import Configuration, Episode, Place

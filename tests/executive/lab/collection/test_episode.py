@@ -12,8 +12,9 @@ from executive.domain.loader import load_domain
 from executive.errors import InputError
 from executive.lab.collection import episode
 from executive.lab.collection.dataset import Ending
-from executive.lab.collection.episode import MOST_FAILURES, MOST_POINTS, Collector, Episode, instances
+from executive.lab.collection.episode import MOST_FAILURES, Collector, Episode, instances
 from executive.lab.common.process_pool import ReportProgress
+from executive.lab.config import MOST_POINTS
 from executive.protocols import SkillContext
 from executive.types import Image, SkillResult, SkillStatus, Step
 

@@ -47,14 +47,14 @@ def test_specs_are_read(specs: list[str], meant: Disturbance) -> None:
 
 @given(st.text(max_size=12).filter(lambda spec: not VALID.fullmatch(spec)))
 def test_whatever_else_is_refused_in_a_line(spec: str) -> None:
-    with pytest.raises(InputError, match="--disturb") as told:
+    with pytest.raises(InputError, match=r"^disturb") as told:
         Disturbance.parse([spec])
     assert str(told.value).isprintable()
 
 
 @pytest.mark.parametrize("specs", [["light"], ["jpeg"], ["lights=2"], ["jpeg=0"], ["jpeg=96"], ["cameras"] * 2])
 def test_mistakes_are_named(specs: list[str]) -> None:
-    with pytest.raises(InputError, match="--disturb"):
+    with pytest.raises(InputError, match=r"^disturb"):
         Disturbance.parse(specs)
 
 
@@ -106,7 +106,7 @@ def test_positions_of_another_scene_are_an_error(point: Point) -> None:
 
 @pytest.mark.parametrize("spec", ["blurred", "noisy=", "dark=1.5", "noisy=-3", "noisy=nan", "blurred=1001"])
 def test_pictures_are_not_spoiled_by_what_is_no_amount(spec: str) -> None:
-    with pytest.raises(InputError, match="--disturb"):
+    with pytest.raises(InputError, match=r"^disturb"):
         Disturbance.parse([spec])
 
 

@@ -14,9 +14,10 @@ from executive import cli
 from executive.errors import InputError
 from executive.lab.common.folder_lock import lock
 from executive.lab.common.progress import Stage
+from executive.lab.config import TrainConfig
 from executive.lab.training import optimiser
 from executive.lab.training.presets import Schedule
-from executive.lab.training.train import MANIFEST, TrainConfig, Training
+from executive.lab.training.train import MANIFEST, Training
 from executive.s3e.backends.transformers_backend import TransformersBackend
 from tests.executive.sim.stage import ROOT
 

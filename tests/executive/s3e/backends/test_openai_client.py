@@ -293,7 +293,7 @@ def test_a_servers_address(url: str, meant: str) -> None:
 
 @pytest.mark.parametrize("url", ["", "8000", "localhost:8000", "ftp://host/v1", "http://", "http://a b/", "http://h:x"])
 def test_what_is_no_address(url: str) -> None:
-    with pytest.raises(InputError, match="--server: is not a server's address"):
+    with pytest.raises(InputError, match="server: is not a server's address"):
         base_url(url)
 
 

@@ -82,7 +82,7 @@ def test_the_record_alone_tells_the_same(tmp_path: Path) -> None:
 
 
 def test_a_cycle_that_is_not_there_is_bad_input() -> None:
-    with pytest.raises(InputError, match=r"--cycle: there is no cycle 99; the run has cycles 0 to 8"):
+    with pytest.raises(InputError, match=r"^cycle: there is no cycle 99; the run has cycles 0 to 8"):
         explain(synthetic_events(), 99)
     with pytest.raises(InputError, match="none of them starts it"):
         explain(synthetic_events()[1:])

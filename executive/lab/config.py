@@ -1,0 +1,132 @@
+"""The options of a collection, of an evaluation and of a training."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated
+
+from executive.app.config import DOMAIN_NAME, HOME_POSE, PROBLEM, EstimatorConfig
+from executive.app.options import Configuration, Option, check, command_words
+from executive.errors import OptionError
+from executive.util.files import legible
+
+RECIPES = MappingProxyType({"small": "as shipped; takes a night", "smallest": "to try it out"})
+
+MOST_POINTS = 20
+"""Completed actions before a reset (Appendix D, step 4)."""
+
+
+@dataclass(frozen=True, slots=True)
+class CollectConfig:
+    """The options of a collection.
+
+    With the default grasp noise and slips, `executive collect grocery --points 60 --seed 1` completed 31 of 35 picks
+    and 29 of 30 places; 6 mm spoil hardly any pick, 15 mm spoil three in ten. Each data card has its own count.
+
+    Attributes:
+        jobs: the number of processes; the data does not depend on it.
+        per_episode: the number of completed actions before a reset.
+
+    Raises:
+        OptionError: a value is not valid.
+    """
+
+    domain: Annotated[str, DOMAIN_NAME]
+    out: Annotated[Path, Option("The folder for the data; one that was begun is gone on with.", flag="--out")]
+    points: Annotated[int, Option("How many completed actions to picture.", least=1)] = 2000
+    problem: Annotated[str | None, PROBLEM] = None
+    seed: Annotated[int, Option("Fixes everything, however many processes share the work.", least=0)] = 0
+    home_pose: Annotated[bool, HOME_POSE] = True
+    grasp_noise: Annotated[float, Option("Standard deviation of the grasp, in m.", least=0)] = 0.010
+    slips: Annotated[float, Option("Chance of losing what is carried.", least=0, most=1)] = 0.05
+    jobs: Annotated[int | None, Option("How many at a time; as many as there are cores if not given.", least=1)] = None
+    per_episode: int = MOST_POINTS
+
+    def __post_init__(self) -> None:
+        check(self)
+        if self.per_episode < 1:
+            raise OptionError(f"should be at least 1, got {self.per_episode}", option="per_episode")
+
+    @property
+    def command(self) -> str:
+        """The command that starts this collection, and that resumes it."""
+        return _command("collect", self)
+
+
+@dataclass(frozen=True, slots=True)
+class EvalConfig:
+    """What is evaluated, on what, and how.
+
+    Attributes:
+        looks: how many of the collection's points are looked at; without it, all.
+        disturb: as of `executive.lab.evaluation.disturbance`.
+
+    Raises:
+        OptionError: a value is not valid, or two options exclude each other.
+    """
+
+    domain: Annotated[str, DOMAIN_NAME]
+    data: Annotated[Path, Option("A finished collection (see: executive collect).")]
+    eye: EstimatorConfig = field(default_factory=EstimatorConfig)
+    problem: Annotated[str | None, PROBLEM] = None
+    looks: Annotated[int | None, Option("Only the first ones.", least=1)] = None
+    paraphrases: Annotated[Path | None, Option("A file with other wordings of the questions.")] = None
+    rename: Annotated[bool, Option("Use that file's names of objects, too.")] = True
+    disturb: Annotated[
+        tuple[str, ...],
+        Option("Disturb the pictures: lights, cameras, jpeg=40, blurred=3, noisy=40, dark=0.7; repeat it for more."),
+    ] = ()
+    seed: Annotated[int, Option("Fixes which wording and what disturbance a look gets.", least=0)] = 0
+
+    def __post_init__(self) -> None:
+        from executive.lab.evaluation.disturbance import Disturbance
+
+        check(self)
+        Disturbance.parse(self.disturb)
+        if self.paraphrases is not None and self.eye.translator != "templates":
+            raise OptionError("words the questions itself; it goes with `translator` templates", option="paraphrases")
+        if not self.rename and self.paraphrases is None:
+            raise OptionError("needs `paraphrases`, if names are to be kept", option="rename")
+
+    @property
+    def command(self) -> str:
+        """The command that repeats the evaluation."""
+        return _command("eval", self)
+
+
+@dataclass(frozen=True, slots=True)
+class TrainConfig:
+    """The options of a training.
+
+    Attributes:
+        jobs: the number of processes that draw pictures and of threads that train, on which the model depends by
+            rounding alone.
+
+    Raises:
+        OptionError: a value is not valid.
+    """
+
+    domain: Annotated[str, DOMAIN_NAME]
+    out: Annotated[Path, Option("The folder for everything; an interrupted training in it is continued.", flag="--out")]
+    problem: Annotated[str | None, PROBLEM] = None
+    recipe: Annotated[
+        str, Option("The size of the model and of the training: small, or smallest to try it out.", choices=RECIPES)
+    ] = "small"
+    seed: Annotated[int, Option("Fixes everything but rounding.", least=0)] = 0
+    jobs: Annotated[int | None, Option("Processes and threads; all cores if not given.", least=1)] = None
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def command(self) -> str:
+        """The command that starts this training, and that resumes it."""
+        return _command("train", self)
+
+
+def _command(name: str, config: Configuration) -> str:
+    """Return the command for this work, without the number of processes, on which nothing depends."""
+    return legible(shlex.join(["executive", name, *command_words(config, without=("jobs",))]))
