@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from executive import cli
 from executive.app import run as assemble
-from executive.app.config import CONFIG, ESTIMATORS, MONITORS, PRESETS, EstimatorConfig, MonitorConfig, RunConfig
+from executive.app.config import CONFIG, MONITORS, PRESETS, EstimatorConfig, MonitorConfig, RunConfig
 from executive.app.options import as_toml, command_words, make, options
-from executive.errors import ExecutiveError, InputError, OptionError
+from executive.errors import InputError, OptionError
 from executive.lab.config import RECIPES, CollectConfig, EvalConfig, TrainConfig
 from executive.lab.training.presets import PRESETS as TRAINING_PRESETS
 
@@ -161,9 +161,3 @@ def test_the_command_line_says_flags_and_files_their_keys(
     assert cli.exit_code(shlex.split(line.format(file=file))) == cli.BAD_INPUT
     assert says.format(file=file) in capsys.readouterr().err
     assert assembled == []
-
-
-def test_what_is_no_estimator_of_this_release_is_refused() -> None:
-    assert set(ESTIMATORS) == {"vlm", "oracle", "none"}
-    with pytest.raises(ExecutiveError):
-        RunConfig("grocery", estimator="")

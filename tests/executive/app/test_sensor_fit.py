@@ -217,7 +217,7 @@ GROUPS = (Group((Atom("hand-free"), Atom("holding", ("red-cube",)))),)
 
 @pytest.fixture
 def no_translator(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(monitors, "find_mutexes", lambda schema, timeout: Mutexes(GROUPS, frozenset()))
+    monkeypatch.setattr(monitors, "find_mutexes", lambda schema, **_: Mutexes(GROUPS, frozenset()))
 
 
 @pytest.fixture

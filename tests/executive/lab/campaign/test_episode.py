@@ -36,6 +36,7 @@ CONFIGS: list[dict[str, Any]] = [
         "eye": EstimatorConfig("a folder", cameras=("front", "left"), abstention=False, instructions="paper"),
     },
     {"estimator": "vlm", "eye": EstimatorConfig(server="http://127.0.0.1:8000/v1", translator="llm", llm="small")},
+    {"world": "symbolic", "no_effect": 0.2, "exogenous": 0.1, "flip": 0.05},
 ]
 
 
@@ -49,7 +50,7 @@ def test_the_command_carries_out_the_same_run(chosen: dict[str, Any], monkeypatc
         raise InputError("enough")
 
     monkeypatch.setattr(run, "Run", remember)
-    monkeypatch.setattr("executive.util.requirements.require", lambda: None)
+    monkeypatch.setattr("executive.util.requirements.require", lambda *_: None)
     wanted = RunConfig("grocery", **chosen)
     assert cli.exit_code(shlex.split(command(wanted))[1:]) == cli.BAD_INPUT
     assert made == [wanted]
