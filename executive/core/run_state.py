@@ -164,11 +164,12 @@ class RunState:
         return questions(self.task.atoms, matters, probability, most)
 
     def doubts(self, settings: Settings) -> Doubts:
-        """The least certain atoms, and before all those that cannot be told."""
+        """All atoms, the least certain first, and before all those that cannot be told. There is no plan because of
+        some that nobody suspects, so that no limit of questions holds for what follows."""
         if self.judgement is None:
             return Doubts()
         certain = self.judgement.least_certain(self.task.atoms)
-        atoms = sorted(certain, key=lambda atom: atom in self.seen)[: settings.max_questions]
+        atoms = sorted(certain, key=lambda atom: atom in self.seen)
         return Doubts(tuple(atoms), self.unsure(atoms, settings.sure))
 
     @property

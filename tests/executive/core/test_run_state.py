@@ -7,7 +7,9 @@ from dataclasses import replace
 import pytest
 
 from executive.belief.threshold import ThresholdMonitor
+from executive.core.policy import Doubts
 from executive.core.run_state import Leeway, RunState
+from executive.core.settings import Settings
 from executive.types import (
     Belief,
     Condition,
@@ -140,6 +142,12 @@ def test_what_a_look_did_not_ask_about_is_no_doubt_but_what_it_could_not_tell_is
     unanswered = focused.looked(memory, judgement, raw, Looked(2, LookKind.CLOSER, 1, len(TASK.atoms)))
     assert unanswered.turn(result).doubts == {at("b", "p"): 3}
     assert not unanswered.asked_all
+
+
+def test_before_a_goal_is_given_up_for_want_of_a_plan_everything_is_doubted_however_few_questions_a_look_has() -> None:
+    doubts = planned().doubts(Settings(max_questions=2))
+    assert set(doubts.atoms) == set(TASK.atoms)
+    assert RunState(TASK, TASK.goal, START).doubts(Settings()) == Doubts(), "one that does not look has none"
 
 
 def test_a_small_task_is_asked_about_whole_and_a_large_one_where_it_matters() -> None:
