@@ -26,6 +26,7 @@ from executive.errors import DomainError, InputError, nearest
 from executive.types import Atom, Belief, SkillStatus
 from executive.util.atomic_write import write_atomic
 from executive.util.files import caseless, home, read_json, read_toml
+from executive.util.validation import first_mistake
 
 if TYPE_CHECKING:
     from executive.s3e.calibration import Scaling
@@ -274,9 +275,10 @@ def _read(file: Path) -> _Document:
     try:
         document = _Document.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or None
-        raise InputError(f"is not a file that Executive wrote ({first['msg']})", file=file, key=key) from None
+        key, message = first_mistake(error, _Document)
+        raise InputError(
+            f"is not a file that Executive wrote: {message}", file=file, key=".".join(key) or None
+        ) from None
     if document.format != _FORMAT:
         raise InputError(f"expected {_FORMAT}, got {document.format}", file=file, key="format")
     return document

@@ -7,7 +7,6 @@ size that any honest one keeps. Every mistake is one line with its file, line an
 from __future__ import annotations
 
 import re
-import reprlib
 import stat
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.errors import DomainError, nearest
 from executive.util.files import LARGEST, LARGEST_TOML, caseless, parse_toml, read_text, reason
+from executive.util.validation import first_mistake
 
 MANIFEST = "domain.toml"
 
@@ -78,14 +78,6 @@ class Manifest(_Table):
     looking: _Looking = _Looking()
 
 
-_TABLES: Mapping[object, type[_Table]] = {
-    "world": _World,
-    "actions": _Action,
-    "predicates": _Predicate,
-    "looking": _Looking,
-}
-
-
 def inside(folder: Path, path: Path) -> Path:
     """The path, once it is certain that it is an ordinary file of honest size inside the folder, links followed."""
     try:
@@ -123,16 +115,8 @@ class Source:
         try:
             return Manifest.model_validate(said)
         except ValidationError as error:
-            # A misspelt key is also a missing one: the first is what to say.
-            first = min(error.errors(), key=lambda entry: entry["type"] != "extra_forbidden")
-            key, kind = tuple(map(str, first["loc"])), first["type"]
-            if kind == "extra_forbidden":
-                table = Manifest if len(key) == 1 else _TABLES[key[0]]
-                self.fail(key, f"unknown key; {nearest(key[-1], table.model_fields)}")
-            if kind == "missing":
-                self.fail(key, "is missing")
-            should = "be a table" if kind in ("model_type", "dict_type") else first["msg"].partition(" should ")[2]
-            self.fail(key, f"should {should}, got {reprlib.repr(first['input'])}")
+            key, message = first_mistake(error, Manifest)
+            self.fail(key, message)
 
     def file(self, name: str, key: str) -> Path:
         """A file that the manifest names, which must lie in the folder."""

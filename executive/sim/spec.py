@@ -15,6 +15,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from executive.errors import DomainError, nearest
 from executive.util.files import read_toml
+from executive.util.validation import first_mistake
 
 Vec3 = tuple[float, float, float]
 Colour = tuple[float, float, float, float]
@@ -173,31 +174,6 @@ def read_scene(file: Path) -> SceneSpec:
     try:
         return SceneSpec.model_validate(said)
     except ValidationError as error:
-        raise _explained(error, file) from error
-
-
-def _explained(error: ValidationError, file: Path) -> DomainError:
-    """The first of pydantic's complaints as one line with the key it is about."""
-    first = error.errors()[0]
-    # Where a value may be of two kinds, pydantic appends the name of the kind that it tried last.
-    path = [str(part) for part in first["loc"] if not str(part).startswith(("tuple[", "constrained-"))]
-    *_, last = path = path or ["(whole file)"]
-    key = "".join(f"[{part}]" if part.isdigit() else f".{part}" for part in path).lstrip(".")
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        message = f"unknown key; {nearest(last, _keys_beside(path))}"
-    elif first["type"] == "missing":
-        message = "this key is missing"
-    return DomainError(message, file=file, key=key)
-
-
-def _keys_beside(path: list[str]) -> list[str]:
-    models: dict[str, type[BaseModel]] = {
-        "robot": RobotSpec,
-        "table": TableSpec,
-        "item": ItemSpec,
-        "camera": CameraSpec,
-        "placement": PlacementSpec,
-    }
-    model = models.get(path[0], SceneSpec) if len(path) > 1 else SceneSpec
-    return [field.alias or name for name, field in model.model_fields.items()]
+        path, message = first_mistake(error, SceneSpec)
+        key = "".join(f"[{part}]" if part.isdigit() else f".{part}" for part in path).lstrip(".")
+        raise DomainError(message, file=file, key=key or "(whole file)") from error

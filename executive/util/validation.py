@@ -29,7 +29,7 @@ def first_mistake(error: ValidationError, model: type[BaseModel]) -> tuple[tuple
         return path, "is missing"
     if kind in ("model_type", "dict_type"):
         message = "should be a table"
-    should = message.partition(" should ")[2]
+    should = message.partition("should ")[2]
     return path, f"should {should}, got {reprlib.repr(first['input'])}" if should else message
 
 

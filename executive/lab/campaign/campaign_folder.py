@@ -30,6 +30,7 @@ from executive.lab.common.folder_lock import lock, remove_partial
 from executive.lab.common.process_pool import WorkerPool, run_jobs
 from executive.lab.common.progress import Progress
 from executive.util.files import legible, read_json
+from executive.util.validation import first_mistake
 
 MANIFEST, WORK = "campaign.json", ".work"
 FORMAT = 1
@@ -168,9 +169,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         return _Manifest.model_validate(said).model_dump()
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or None
-        raise InputError(f"is damaged: {first['msg']}", file=file, key=key) from None
+        key, message = first_mistake(error, _Manifest)
+        raise InputError(f"is damaged: {message}", file=file, key=".".join(key) or None) from None
 
 
 class _What(BaseModel):

@@ -25,6 +25,7 @@ from executive.errors import DomainError, nearest
 from executive.lab.evaluation.metrics import THRESHOLDS
 from executive.types import Atom
 from executive.util.files import read_toml
+from executive.util.validation import first_mistake
 
 FILE = "published.toml"
 
@@ -94,8 +95,8 @@ def read(folder: Path) -> Published | None:
     try:
         published = Published.model_validate(said)
     except ValidationError as error:
-        first = error.errors()[0]
-        raise DomainError(first["msg"], file=file, key=".".join(map(str, first["loc"]))) from None
+        key, message = first_mistake(error, Published)
+        raise DomainError(message, file=file, key=".".join(key)) from None
     _check(published, file)
     return published
 

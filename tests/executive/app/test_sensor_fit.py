@@ -149,7 +149,7 @@ GOOD = {
         ('"on(a)"', '"on(a"', "domains.d.atoms.on(a"),
         ('"alike": 0.2', '"alike": 2', "domains.d.alike"),
         ('"scores": [0.1]', '"scores": [7.0]', "domains.d.predicates.on"),
-        ('"format"', '"fromat"', "format"),
+        ('"format"', '"fromat"', "fromat"),
         ("{", "", None),
     ],
 )

@@ -31,7 +31,7 @@ def test_grocery_scene_is_read() -> None:
         ("home = [-0.3169,", "home = [", "robot.home", "at least 6"),
         ('texture = "wood"', 'texture = "gold"', "table[0].texture", "'wood'"),
         ('name = "lemon"', 'name = "wood-table"', "(whole file)", "named twice"),
-        ("[robot]", "[robt]", "robot", "missing"),
+        ("[robot]", "[robt]", "robt", "did you mean 'robot'"),
         ("reach = [0.30, 0.74]", "reach = [0.74, 0.30]", "robot", "the first below the second"),
         ("target = [0.36, 0.0, 0.97]", "target = [1.62, 0.0, 1.62]", "camera[0]", "looks nowhere"),
         ('asset = "lemon"', 'shape = "box"\nsize = [0.05, 0.05, 0.05]', "item[2]", "'scale' is for an 'asset'"),

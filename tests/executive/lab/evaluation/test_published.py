@@ -102,7 +102,7 @@ name = "T"
         (FILE.replace("0.5", "0.5, 0.6"), "has 2 numbers, and there are 1 columns"),
         (FILE.replace("0.5", '"a"'), "table.0.rows.7B.0"),
         (FILE.replace("ap_micro", "ap_mikro"), "did you mean 'ap_micro'"),
-        (FILE.replace("source", "sauce"), "source: Field required"),
+        (FILE.replace("source", "sauce"), "sauce: unknown key; did you mean 'source'?"),
         (FILE.replace("[[table]]", "[[table]"), "is not TOML"),
         ('curves = ["on("]\n' + FILE, "is not an atom"),
     ],
