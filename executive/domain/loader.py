@@ -50,8 +50,8 @@ class Domain:
     """A domain and one of its problems, checked.
 
     `parsed` is what a planner is made from; `skills` maps each action to the name of the skill that carries it out,
-    `relations` each predicate that is not static to what is its truth in the simulator: the name of a relation, with
-    its arguments where they are not the predicate's own (`on(?tool, tray)`); `scene` is the file that the world is
+    `relations` each predicate that is neither static nor derived to what is its truth in the simulator: the name of a
+    relation, with its arguments where they are not the predicate's own (`on(?tool, tray)`); `scene` is the file that the world is
     built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how
     reliable the skills are (`executive.app.sensor_fit` reads it), if there is one, `looking` is how it is to look, and
     `files` are all the files that were read or located. A pair of PDDL files has neither skills nor relations nor a
@@ -140,7 +140,11 @@ def load_domain(
     skill_of = {name: table.skill for name, table in manifest.actions.items()}
     relation_of = {name: table.relation for name, table in manifest.predicates.items()}
     source.check("actions", "skill", parsed.actions, skill_of, skills)
-    source.check("predicates", "relation", parsed.predicates, relation_of, relations, parsed.static)
+    for name in relation_of:
+        if name in parsed.derived:
+            source.fail(("predicates", name), "is derived by axioms: it is computed, and needs no relation")
+    needless = parsed.static | parsed.derived
+    source.check("predicates", "relation", parsed.predicates, relation_of, relations, needless)
     for name, said in relation_of.items():
         relation_of[name] = source.relation(name, said, [f"?{each}" for each in parsed.task.parameters[name]])
     name = folder.resolve().name

@@ -27,7 +27,7 @@ from itertools import groupby, islice
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from executive.domain.pddl import Action, Equality, Literal, Schema
+from executive.domain.pddl import Action, And, Equality, Literal, Schema, conjuncts, written_out
 from executive.errors import MissingError
 from executive.planning.goal_order import by_goals, holds, replay
 from executive.planning.sas_task import OUT_OF_TIME, SOLVED, UNSOLVABLE, Grounded, find_engine, last_words, size
@@ -105,7 +105,7 @@ class FastDownwardPlanner:
         if not timeout > 0:
             raise ValueError(f"timeout: expected seconds above zero, got {timeout}")
         self._schema, self._timeout = schema, timeout
-        self._atoms = frozenset(schema.task.atoms)
+        self._atoms, self._is_strips = frozenset(schema.task.atoms), _is_strips(schema)
         self._lock = threading.Lock()
         self._asked = False
         self._built: _Translation | None = None
@@ -126,12 +126,12 @@ class FastDownwardPlanner:
         """A plan from `state` to `goal`, or why there is none; see `executive.protocols.Planner`.
 
         Raises:
-            ValueError: an atom that the task does not have, or a goal that is no conjunction of literals.
+            ValueError: an atom that the task does not have.
             MissingError: Fast Downward is not installed.
         """
         wanted = goal.literals
-        if wanted is None:
-            raise ValueError(f"{goal}: only a conjunction of literals can be planned for")
+        if wanted is None or not self._is_strips:
+            return NoPlan(NoPlanReason.CRASHED, "only conjunctions of literals can be planned with", ENGINE)
         return self._plan(state, wanted, avoid, seconds)
 
     def _plan(self, state: Facts, goal: Facts, avoid: frozenset[Step], seconds: float) -> Plan | NoPlan:
@@ -259,9 +259,9 @@ class _Translation:
         kinds = self.environment.type_manager
         types: dict[str | None, Any] = {None: None}
         while len(types) <= len(schema.typing.supertypes):
-            for name, parent in schema.typing.supertypes.items():
-                if name not in types and parent in types:
-                    types[name] = kinds.UserType(f"t_{name}", types[parent])
+            for name, parents in schema.typing.supertypes.items():
+                if name not in types and (not parents or parents[0] in types):
+                    types[name] = kinds.UserType(f"t_{name}", types[parents[0] if parents else None])
         bodies = {name: body for name, action in schema.actions.items() if (body := _body(schema, action)).effects}
         constants = sorted({term for body in bodies.values() for term in _constants(body)})
         only = {name: kinds.UserType(f"c_{name}", types[schema.typing.objects[name]]) for name in constants}
@@ -346,6 +346,14 @@ class _Translation:
         return action
 
 
+def _is_strips(schema: Schema) -> bool:
+    """Whether all that the actions ask for are literals, and their effects come about whatever else holds."""
+    plain = all(effect.condition == And() for action in schema.actions.values() for effect in action.effects)
+    written = (written_out(action.precondition, schema.typing) for action in schema.actions.values())
+    asked = all(isinstance(each, Literal | Equality) for formula in written for each in conjuncts(formula))
+    return plain and asked and not schema.axioms and not schema.has_costs
+
+
 @dataclass(frozen=True, slots=True)
 class _Body:
     """An action's conditions with its parameters left open and its quantifiers written out."""
@@ -355,10 +363,16 @@ class _Body:
 
 
 def _body(schema: Schema, action: Action) -> _Body:
-    effects = dict.fromkeys(c for c in schema.typing.expand(action.effects, {}) if isinstance(c, Literal))
+    effects: dict[Literal, None] = {}
+    for effect in action.effects:
+        names = [name for name, _ in effect.variables]
+        for row in schema.typing.tuples([kind for _, kind in effect.variables]):
+            written = written_out(effect.literal, schema.typing, dict(zip(names, row, strict=True)))
+            effects.update({written: None} if isinstance(written, Literal) else {})
+    parts = conjuncts(written_out(action.precondition, schema.typing))
     adds = {(effect.predicate, effect.terms) for effect in effects if effect.positive}
     return _Body(
-        tuple(dict.fromkeys(schema.typing.expand(action.preconditions, {}))),
+        tuple(dict.fromkeys(each for each in parts if isinstance(each, Literal | Equality))),
         tuple(effect for effect in effects if effect.positive or (effect.predicate, effect.terms) not in adds),
     )
 

@@ -25,13 +25,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from executive.belief.mutex_inference import Group
-from executive.domain.pddl import Condition, Equality, Forall, Schema
+from executive.domain.pddl import Schema, written_out
+from executive.domain.pddl.text import Writer
 from executive.errors import MissingError
 from executive.types import Atom
 
@@ -232,11 +233,9 @@ class _Names:
     action of no conditions sets, so that it can be reached from any state."""
 
     def __init__(self, schema: Schema) -> None:
-        self._schema = schema
-        self._objects = {name: f"o{number}" for number, name in enumerate(schema.typing.objects)}
-        self._types = {name: f"t{number}" for number, name in enumerate(schema.typing.supertypes)}
-        self._predicates = {name: f"p{number}" for number, name in enumerate(schema.predicates)}
-        self._object_of = {new: name for name, new in self._objects.items()}
+        self._schema, self._write = schema, Writer(schema)
+        self._predicates = self._write.predicates
+        self._object_of = {new: name for name, new in self._write.objects.items()}
         self._predicate_of = {new: name for name, new in self._predicates.items()}
 
     def atoms(self, name: str) -> Iterator[Atom]:
@@ -251,60 +250,29 @@ class _Names:
         return Atom(self._predicate_of[head], tuple(self._object_of[name] for name in tail.split(", ") if name))
 
     def domain(self) -> str:
-        schema, kinds = self._schema, self._types
-        above = schema.typing.supertypes.items()
-        types = [f"{kinds[name]} - {'object' if parent is None else kinds[parent]}" for name, parent in above]
-        objects = [f"{self._objects[name]} - {kinds[kind]}" for name, kind in schema.typing.objects.items()]
-        predicates = []
-        for name, signature in schema.predicates.items():
-            terms = " ".join(f"?v{index} - {kinds[kind]}" for index, kind in enumerate(signature))
-            predicates.append(f"({self._predicates[name]} {terms})")
+        schema, write = self._schema, self._write
         actions = ["(:action finish :parameters () :precondition () :effect (done))"]
         for number, action in enumerate(schema.actions.values()):
-            scope = {variable: f"?v{index}" for index, (variable, _) in enumerate(action.parameters)}
-            parameters = " ".join(f"{scope[variable]} - {kinds[kind]}" for variable, kind in action.parameters)
             # What is quantified is written out where it is a condition: the translator would make axioms of it. Where
             # it is an effect, it stays as it is: groups are found by looking at effects before they are grounded.
-            conditions = [self._text(each, scope) for each in schema.typing.expand(action.preconditions, {})]
-            effects = [self._text(each, scope) for each in action.effects]
-            actions.append(
-                f"(:action a{number} :parameters ({parameters})"
-                f" :precondition (and {' '.join(conditions)}) :effect (and {' '.join(effects)}))"
-            )
+            actions.append(write.action(f"a{number}", action, written_out(action.precondition, schema.typing)))
         lines = [
             "(define (domain task)",
             "(:requirements :adl :typing :equality)",
-            f"(:types {' '.join(types)})",
-            f"(:constants {' '.join(objects)})",
-            f"(:predicates (done) {' '.join(predicates)})",
+            write.types(),
+            write.constants(),
+            f"(:predicates (done) {' '.join(write.declarations())})",
+            *write.axioms(),
             *actions,
             ")",
         ]
         return "\n".join(lines)
 
     def problem(self, true: Iterable[Atom]) -> str:
-        atoms = [
-            f"({' '.join((self._predicates[atom.predicate], *(self._objects[name] for name in atom.args)))})"
-            for atom in sorted(self._schema.task.static.union(true))
-        ]
-        return f"(define (problem task) (:domain task) (:init {' '.join(atoms)}) (:goal (done)))"
-
-    def _text(self, condition: Condition, scope: Mapping[str, str]) -> str:
-        if isinstance(condition, Forall):
-            inner = dict(scope)
-            for variable, _ in condition.variables:
-                inner[variable] = f"?v{len(scope) + len(inner)}"
-            terms = " ".join(f"{inner[variable]} - {self._types[kind]}" for variable, kind in condition.variables)
-            return f"(forall ({terms}) (and {' '.join(self._text(each, inner) for each in condition.body)}))"
-        if isinstance(condition, Equality):
-            words: tuple[str, ...] = ("=", self._term(condition.left, scope), self._term(condition.right, scope))
-        else:
-            words = (self._predicates[condition.predicate], *(self._term(term, scope) for term in condition.terms))
-        text = f"({' '.join(words)})"
-        return text if condition.positive else f"(not {text})"
-
-    def _term(self, term: str, scope: Mapping[str, str]) -> str:
-        return scope[term] if term.startswith("?") else self._objects[term]
+        task, derived = self._schema.task, self._schema.derived
+        told = [self._write.atom(atom) for atom in sorted(task.static.union(true)) if atom.predicate not in derived]
+        init = " ".join((*told, *self._write.facts()))
+        return f"(define (problem task) (:domain task) (:init {init}) (:goal (done)))"
 
 
 @dataclass(frozen=True, slots=True)

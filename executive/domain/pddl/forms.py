@@ -13,38 +13,51 @@ from executive.util.files import read_text
 
 _DEEPEST = 60
 _NAME = re.compile(r"[a-z][a-z0-9_\-]*")
-_TOKEN = re.compile(r";.*|[()]|[^\s();]+")
+_TOKEN = re.compile(r";.*|[()]|\?[^\s();?]*|[^\s();?]+")
 _RESERVED = frozenset(
     ["and", "or", "not", "imply", "exists", "forall", "when", "either", "define", "domain", "problem"]
 )
 _REQUIREMENTS = frozenset(
     [
-        *(":strips", ":typing", ":equality", ":adl", ":fluents", ":numeric-fluents", ":object-fluents"),
+        *(":strips", ":typing", ":equality", ":adl", ":fluents", ":numeric-fluents", ":object-fluents", ":negation"),
         *(":negative-preconditions", ":disjunctive-preconditions", ":existential-preconditions"),
         *(":universal-preconditions", ":quantified-preconditions", ":conditional-effects", ":derived-predicates"),
-        *(":durative-actions", ":duration-inequalities", ":continuous-effects", ":timed-initial-literals"),
-        *(":preferences", ":constraints", ":action-costs"),
+        *(":durative-actions", ":duration-inequalities", ":continuous-effects", ":timed-initial-literals", ":time"),
+        *(":preferences", ":constraints", ":action-costs", ":goal-utilities", ":domain-axioms", ":non-deterministic"),
+        *(":probabilistic-effects", ":mdp", ":rewards", ":hierarchy", ":method-preconditions", ":multi-agent"),
+        *(":factored-privacy", ":unfactored-privacy", ":timed-initial-fluents", ":safety-constraints", ":open-world"),
+        *(":true-negation", ":subgoals-through-axioms", ":action-expansions", ":foreach-expansions", ":dag-expansions"),
+        *(
+            ":disjunction",
+            ":expression-evaluation",
+            ":ucpop",
+            ":quantified-conditions",
+            ":contingent",
+            ":supply-demand",
+        ),
     ]
 )
+"""Names that a file may give to what it uses. What it does use is what counts."""
+
 _SECTIONS = {
-    "domain": frozenset([":requirements", ":types", ":constants", ":predicates", ":action"]),
-    "problem": frozenset([":domain", ":requirements", ":objects", ":init", ":goal"]),
+    "domain": frozenset([":requirements", ":types", ":constants", ":predicates", ":functions", ":action", ":derived"]),
+    "problem": frozenset([":domain", ":requirements", ":objects", ":init", ":goal", ":metric"]),
 }
 DEEDS = frozenset([":action", ":durative-action", ":derived", ":process", ":event"])
 """What says that something may change."""
 
 _EVERY_SECTION = frozenset().union(*_SECTIONS.values())
 _REFUSED = {
-    ":functions": "numeric fluents",
-    ":derived": "derived predicates",
     ":durative-action": "actions that take time",
     ":process": "processes",
     ":event": "events",
     ":constraints": "trajectory constraints",
-    ":metric": "metrics (every action costs one)",
     ":task": "hierarchical tasks",
     ":method": "hierarchical tasks",
     ":htn": "hierarchical tasks",
+    ":goal-reward": "rewards",
+    ":observe": "partial observability",
+    ":serial": "hierarchical tasks",
 }
 
 
@@ -140,7 +153,7 @@ class PddlFile:
             self.fail(form.line, f"{name} is not supported: {_REFUSED[name]}")
         if name not in valid:
             self.fail(form.line, f"unknown section {shorten(form)}; {nearest(name, valid)}")
-        if name == ":action":
+        if name in (":action", ":derived"):
             self.actions.append(form)
         elif name in self._sections:
             self.fail(form.line, f"a second {name}; the first is on line {self._sections[name].line}")
@@ -161,9 +174,8 @@ class PddlFile:
                 kind = next(queue, None)
                 if kind is None or not waiting:
                     self.fail(form.line, f"a '-' needs {what} before it and a type behind it")
-                if kind.head == "either":
-                    self.fail(kind.line, f"{kind} is not supported: a union of types")
-                self.identifier(kind, "a type")
+                for each in kind.rest if kind.head == "either" and kind.rest else (kind,):
+                    self.identifier(each, "a type")
                 result += [(own, name, kind) for own, name in waiting]
                 waiting = []
             else:

@@ -2,205 +2,65 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 
+from executive.domain.pddl import fluents
 from executive.domain.pddl.forms import Form, PddlFile, shorten
-from executive.domain.pddl.schema import (
-    OBJECT,
-    Action,
-    Condition,
-    Equality,
-    Forall,
-    Literal,
-    Said,
-    Schema,
-    Typing,
-    literals,
-)
+from executive.domain.pddl.formulas import Axiom, Formula, Literal, conjuncts
+from executive.domain.pddl.grounding import Grounding, Row
+from executive.domain.pddl.schema import Action, CostTerm, Said, Schema
+from executive.domain.pddl.words import TOTAL_COST, Words, number
 from executive.errors import DomainError, nearest
-from executive.types import ALWAYS, Atom, Task
-from executive.types import Condition as Goal
+from executive.types import ALWAYS, NEVER, Atom, Condition, DerivedRules, Task
 
 MOST_ATOMS = 10_000
-"""Every atom is a question to the estimator at every look; a task with more of them was not meant for one. What is
-static is known, and does not count."""
+"""Every fluent atom is a question to the estimator; a task with more of them was not meant for one. What is static is
+known, what is derived is computed, and neither counts."""
 
-_REFUSED = {
-    "or": "a disjunction",
-    "imply": "an implication",
-    "exists": "an existential condition",
-    "when": "a conditional effect",
-    "preference": "a preference",
-    **dict.fromkeys(("<", "<=", ">", ">=", "+", "-", "*", "/"), "arithmetic"),
-    **dict.fromkeys(("assign", "increase", "decrease", "scale-up", "scale-down"), "a numeric effect"),
-    **dict.fromkeys(("always", "sometime", "within", "at-most-once", "at-end"), "a trajectory constraint"),
-}
+MOST_RULES = 200_000
+"""Instances of axioms that a task may have."""
 
-
-@dataclass(slots=True)
-class _Words:
-    """What has been declared so far."""
-
-    supertypes: dict[str, str | None] = field(default_factory=lambda: {OBJECT: None})
-    objects: dict[str, str] = field(default_factory=dict)
-    predicates: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    parameters: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    functions: list[str] = field(default_factory=list)
-
-    @property
-    def typing(self) -> Typing:
-        return Typing(self.supertypes, self.objects)
-
-    def kind(self, file: PddlFile, form: Form | None) -> str:
-        if form is None:
-            return OBJECT
-        if form.word not in self.supertypes:
-            file.fail(form.line, f"unknown type {form}; {nearest(form.word, self.supertypes)}")
-        return form.word
-
-    def declare_types(self, file: PddlFile) -> None:
-        section = file.section(":types")
-        lines: dict[str, int] = {}
-        for form, name, parent in file.typed(section.rest if section else (), "a type"):
-            if name in lines:
-                file.fail(form.line, f"type {name} is declared twice")
-            if name != OBJECT:
-                lines[name], self.supertypes[name] = form.line, parent.word if parent else OBJECT
-        for parent_name in [parent for parent in self.supertypes.values() if parent is not None]:
-            self.supertypes.setdefault(parent_name, OBJECT)  # a supertype may go without a declaration of its own
-        for name, line in lines.items():
-            seen, current = {name}, self.supertypes[name]
-            while current is not None:
-                if current in seen:
-                    file.fail(line, f"type {name} descends from itself")
-                seen.add(current)
-                current = self.supertypes[current]
-
-    def declare_objects(self, file: PddlFile, section: str) -> None:
-        found = file.section(section)
-        for form, name, kind in file.typed(found.rest if found else (), "an object"):
-            if name in self.objects:
-                file.fail(form.line, f"object {name} is declared twice")
-            self.objects[name] = self.kind(file, kind)
-
-    def declare_predicates(self, file: PddlFile) -> None:
-        section = file.section(":predicates")
-        for form in section.rest if section else ():
-            name = file.identifier(form.items[0] if form.items else form, "a predicate")
-            if name in self.predicates:
-                file.fail(form.line, f"predicate {name} is declared twice")
-            parameters = file.typed(form.rest, "a parameter", "?")
-            self.predicates[name] = tuple(self.kind(file, kind) for _, _, kind in parameters)
-            self.parameters[name] = tuple(variable.removeprefix("?") for _, variable, _ in parameters)
-        if not self.predicates:
-            file.fail(section.line if section else 1, "declares no predicates")
-
-    def declare_functions(self, file: PddlFile) -> None:
-        section = file.section(":functions")
-        forms = iter(section.rest if section else ())
-        for form in forms:
-            if form.word == "-":  # and the type of what the functions before it give
-                next(forms, None)
-            else:
-                self.functions.append(file.identifier(form.items[0] if form.items else form, "a function"))
-
-    def literal(self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str) -> Literal:
-        """An atom over the variables in scope and the objects, checked against the predicate's declaration."""
-        head = form if form.items is None else form.items[0] if form.items else form
-        if head.word not in self.predicates:
-            refusal = _REFUSED.get(head.word)
-            if refusal:
-                file.fail(form.line, f"{where}: {head} is not supported: {refusal}")
-            hint = nearest(head.word, self.predicates)
-            file.fail(form.line, f"{where}: unknown predicate in {shorten(form)}; {hint}")
-        kinds = self.predicates[head.word]
-        if form.items is None or len(form.rest) != len(kinds):
-            usage = f"({' '.join((head.word, *kinds))})"
-            file.fail(form.line, f"{where}: {shorten(form)} does not fit the declared {usage}")
-        for term, kind in zip(form.rest, kinds, strict=True):
-            own = self.term(file, term, scope, where)
-            if not self.typing.descends(own, kind):
-                file.fail(term.line, f"{where}: in {form}, {term} is of type {own}, expected {kind}")
-        return Literal(head.word, tuple(term.word for term in form.rest))
-
-    def term(self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str) -> str:
-        """The type of a variable in scope or of an object."""
-        known = scope if form.word.startswith("?") else self.objects
-        if form.word not in known:
-            what = "variable" if known is scope else "object"
-            file.fail(form.line, f"{where}: unknown {what} {shorten(form)}; {nearest(form.word, known)}")
-        return known[form.word]
-
-    def conditions(
-        self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str, *, equality: bool
-    ) -> tuple[Condition, ...]:
-        """A conjunction, taken apart. Anything that is not one is refused with its line and name."""
-        if form.items == ():
-            return ()
-        if form.head == "and":
-            parts = (self.conditions(file, part, scope, where, equality=equality) for part in form.rest)
-            return tuple(condition for part in parts for condition in part)
-        if form.head == "forall":
-            if len(form.rest) != 2 or form.rest[0].items is None:
-                file.fail(form.line, f"{where}: expected (forall (?variable - type) condition)")
-            listed = file.typed(form.rest[0].items, "a variable", "?")
-            variables = [(name, self.kind(file, kind)) for _, name, kind in listed]
-            body = self.conditions(file, form.rest[1], {**scope, **dict(variables)}, where, equality=equality)
-            return (Forall(tuple(variables), body),)
-        if form.head == "=":
-            if not equality:
-                file.fail(form.line, f"{where}: = is not supported here: only preconditions compare")
-            if len(form.rest) != 2 or any(term.items is not None for term in form.rest):
-                file.fail(form.line, f"{where}: {shorten(form)} is not supported: = compares two objects")
-            for term in form.rest:
-                self.term(file, term, scope, where)
-            return (Equality(form.rest[0].word, form.rest[1].word),)
-        if form.head == "not":
-            if len(form.rest) != 1:
-                file.fail(form.line, f"{where}: (not ...) takes one condition")
-            inner = form.rest[0]
-            if inner.head in ("and", "forall"):
-                file.fail(form.line, f"{where}: (not ({inner.head} ...)) is not supported: it is a disjunction")
-            (condition,) = self.conditions(file, inner, scope, where, equality=equality) or (None,)
-            if isinstance(condition, Literal):
-                return (Literal(condition.predicate, condition.terms, not condition.positive),)
-            if isinstance(condition, Equality):
-                return (Equality(condition.left, condition.right, not condition.positive),)
-            file.fail(form.line, f"{where}: (not ()) can never hold")
-        return (self.literal(file, form, scope, where),)
+MOST_PARTS = 100_000
+"""Conditions that an action, or the goal, may have once its quantifiers are written out."""
 
 
 def read_task(domain: Path, problem: Path, seen: Collection[str] = ()) -> Schema:
-    """Read a domain and one of its problems. Predicates that no action changes are static, but for those in `seen`,
-    which somebody is to look at all the same.
+    """Read a domain and one of its problems. Atoms that no action changes are static, but for those of predicates in
+    `seen`, which somebody is to look at all the same.
 
     Raises:
         DomainError: naming the file and the line of the first mistake, or of the first thing that is not supported.
     """
     source = PddlFile(domain, "domain")
     words = _declared(source)
+    words.declare_functions(source)
     actions: dict[str, Action] = {}
+    axioms: list[tuple[Axiom, Form]] = []
     for form in source.actions:
-        action = _action(words, source, form)
-        if action.name in actions:
-            source.fail(form.line, f"action {action.name} is declared twice")
-        actions[action.name] = action
+        if form.head == ":derived":
+            axioms.append((_axiom(words, source, form), form))
+    derived = frozenset(axiom.predicate for axiom, _ in axioms)
+    for form in source.actions:
+        if form.head == ":action":
+            action = _action(words, source, form, derived)
+            if action.name in actions:
+                source.fail(form.line, f"action {action.name} is declared twice")
+            actions[action.name] = action
     if not actions:
         source.fail(1, "declares no actions")
 
     file = PddlFile(problem, "problem")
     _declare_problem(words, source, file)
-    changed = {each.predicate for action in actions.values() for each in literals(action.effects)}
-    return _schema(words, source, file, actions, frozenset(words.predicates.keys() - changed.union(seen)))
+    return _Reading(words, source, file, actions, axioms, frozenset(seen) - derived).schema()
 
 
 def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> Task:
     """Read what there is to ask about, for whoever estimates and does not plan: a task with all its atoms, without a
     goal. Whatever else the files say is passed over, supported or not; numeric fluents are named. Predicates that no
     action changes are not asked about, but for those in `seen`; where there are no actions, nothing is known to stay.
+    What axioms derive is not asked about.
 
     Raises:
         DomainError: naming the file and the line of the first mistake in what is read.
@@ -212,23 +72,29 @@ def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> 
     words.declare_functions(source)
     file = PddlFile(problem, "problem", frozenset([":domain", ":requirements", ":objects"]))
     _declare_problem(words, source, file)
-    changed = {name for form in source.actions for name in _changed(form)}
-    static = words.predicates.keys() - changed.union(seen) if source.actions else ()
-    parameters = {name: known for name, known in words.parameters.items() if name not in static}
-    numeric, atoms = tuple(words.functions), _atoms(words, file, static)
+    derived = {form.rest[0].head for form in source.actions if form.head == ":derived" and form.rest}
+    changed = {name for form in source.actions if form.head != ":derived" for name in _changed(form)}
+    known = words.predicates.keys() - changed.union(seen) if source.actions else set[str]()
+    asked = {name: kinds for name, kinds in words.predicates.items() if name not in known | derived}
+    tuples = ((name, args) for name, kinds in asked.items() for args in words.typing.tuples(kinds))
+    atoms = tuple(Atom(*each) for each in islice(tuples, MOST_ATOMS + 1))
+    if len(atoms) > MOST_ATOMS:
+        raise _too_many(file, asked)
+    parameters = {name: words.parameters[name] for name in asked}
+    numeric = tuple(name for name in words.functions if name != TOTAL_COST)
     return Task(source.name, file.name, dict(words.objects), atoms, ALWAYS, parameters=parameters, numeric=numeric)
 
 
-def _declared(source: PddlFile) -> _Words:
+def _declared(source: PddlFile) -> Words:
     """What a domain file declares."""
-    words = _Words()
+    words = Words()
     words.declare_types(source)
     words.declare_objects(source, ":constants")
     words.declare_predicates(source)
     return words
 
 
-def _declare_problem(words: _Words, source: PddlFile, file: PddlFile) -> None:
+def _declare_problem(words: Words, source: PddlFile, file: PddlFile) -> None:
     """Add the objects of a problem, once it is clear that it is one of this domain."""
     named = file.section(":domain")
     if named is None or len(named.rest) != 1:
@@ -236,33 +102,24 @@ def _declare_problem(words: _Words, source: PddlFile, file: PddlFile) -> None:
     if named.rest[0].word != source.name:
         file.fail(named.line, f"is for domain {named.rest[0]}, and {source.path.name} defines {source.name}")
     words.declare_objects(file, ":objects")
-    if not words.objects:
-        file.fail(1, "there are no objects")
 
 
 def _changed(form: Form) -> Iterator[str]:
-    """The words that may be predicates which an action of any kind, or an axiom, changes."""
-    if form.head == ":derived":
-        waiting = list(form.rest[:1])
-    else:
-        waiting = [value for key, value in zip(form.rest, form.rest[1:], strict=False) if key.word == ":effect"]
+    """The words that may be predicates which an action of any kind changes."""
+    waiting = [value for key, value in zip(form.rest, form.rest[1:], strict=False) if key.word == ":effect"]
     while waiting:
         part = waiting.pop()
         yield part.head
         waiting += part.rest[1:] if part.head == "when" else part.items or ()
 
 
-def _atoms(words: _Words, problem: PddlFile, static: Collection[str]) -> tuple[Atom, ...]:
-    """Every predicate that is not static over every tuple of objects that fits its types."""
-    fluents = ((name, kinds) for name, kinds in words.predicates.items() if name not in static)
-    tuples = ((name, args) for name, kinds in fluents for args in words.typing.tuples(kinds))
-    atoms = tuple(Atom(name, args) for name, args in islice(tuples, MOST_ATOMS + 1))
-    if len(atoms) > MOST_ATOMS:
-        raise DomainError(f"there are more than {MOST_ATOMS} atoms", file=problem.path, key=":objects")
-    return atoms
+def _too_many(file: PddlFile, predicates: Collection[str]) -> DomainError:
+    section = file.section(":objects")
+    message = f"there are more than {MOST_ATOMS} fluent atoms, of {', '.join(sorted(predicates))}"
+    return DomainError(message, file=file.path, key=f"line {section.line if section else 1}")
 
 
-def _action(words: _Words, file: PddlFile, form: Form) -> Action:
+def _action(words: Words, file: PddlFile, form: Form, derived: Collection[str]) -> Action:
     if not form.rest:
         file.fail(form.line, "an :action without a name")
     name = file.identifier(form.rest[0], "an action's name")
@@ -278,71 +135,218 @@ def _action(words: _Words, file: PddlFile, form: Form) -> Action:
         parts[key.word] = value
     if ":effect" not in parts:
         file.fail(form.line, f"action {name} has no :effect")
-    parameters: dict[str, str] = {}
     listed = parts[":parameters"].items if ":parameters" in parts else ()
-    for own, variable, kind in file.typed(listed or (), "a parameter", "?"):
-        if variable in parameters:
-            file.fail(own.line, f"action {name}: parameter {variable} is declared twice")
-        parameters[variable] = words.kind(file, kind)
+    parameters = _parameters(words, file, listed or (), f"action {name}")
     before = parts.get(":precondition", Form(form.line, items=()))
-    preconditions = words.conditions(file, before, parameters, f"action {name}: :precondition", equality=True)
-    effects = words.conditions(file, parts[":effect"], parameters, f"action {name}: :effect", equality=False)
-    literals = {(c.predicate, c.terms, c.positive) for c in effects if isinstance(c, Literal)}
-    for predicate, terms, positive in sorted(literals):
-        if positive and (predicate, terms, False) in literals:
-            atom = f"({' '.join((predicate, *terms))})"
-            file.fail(parts[":effect"].line, f"action {name}: :effect both adds and deletes {atom}")
-    return Action(name, tuple(parameters.items()), preconditions, effects)
+    precondition = words.formula(file, before, parameters, f"action {name}: :precondition")
+    cost: list[CostTerm] = []
+    effects = tuple(words.effects(file, parts[":effect"], parameters, f"action {name}: :effect", cost))
+    for effect in effects:
+        if effect.literal.predicate in derived:
+            file.fail(parts[":effect"].line, f"action {name}: :effect: {effect.literal.predicate} is derived by axioms")
+    return Action(name, tuple(parameters.items()), precondition, effects, tuple(cost))
 
 
-def _schema(
-    words: _Words, domain: PddlFile, problem: PddlFile, actions: Mapping[str, Action], static: frozenset[str]
-) -> Schema:
-    typing = words.typing
-    for action in actions.values():
-        size = typing.size(action.preconditions) + typing.size(action.effects)
-        if size > MOST_ATOMS:
-            raise DomainError(f"action {action.name} has {size} conditions once written out", file=domain.path)
-    atoms = _atoms(words, problem, static)
-    said: dict[Atom, Said] = {}
-    init = problem.section(":init")
-    for form in init.rest if init else ():
-        if form.head == "=":
-            problem.fail(form.line, f":init: {shorten(form)} is not supported: numeric fluents")
-        negated = form.head == "not" and len(form.rest) == 1
-        literal = words.literal(problem, form.rest[0] if negated else form, {}, ":init")
-        atom = Atom(literal.predicate, literal.terms)
-        if said.setdefault(atom, Said(not negated, form.line)).value is negated:
-            problem.fail(form.line, f":init says {atom} and its opposite, on line {said[atom].line}")
-    facts = frozenset(atom for atom, (value, _) in said.items() if value and atom.predicate in static)
-    staged = {atom: entry for atom, entry in said.items() if atom.predicate not in static}
+def _axiom(words: Words, file: PddlFile, form: Form) -> Axiom:
+    head = form.rest[0] if form.rest else form
+    if len(form.rest) != 2 or not head.items:
+        file.fail(form.line, "expected (:derived (<predicate> <?parameters>) <condition>)")
+    if head.head not in words.predicates:
+        file.fail(head.line, f":derived: unknown predicate {head.head}; {nearest(head.head, words.predicates)}")
+    parameters = _parameters(words, file, head.rest, f":derived {head.head}")
+    kinds = words.predicates[head.head]
+    if len(parameters) != len(kinds):
+        file.fail(head.line, f":derived: {shorten(head)} does not fit the declared ({' '.join((head.head, *kinds))})")
+    typed = any(each.word == "-" for each in head.rest)
+    if not typed:
+        parameters = dict(zip(parameters, kinds, strict=True))
+    condition = words.formula(file, form.rest[1], parameters, f":derived {head.head}")
+    return Axiom(head.head, tuple(parameters.items()), condition)
 
-    goal = problem.section(":goal")
-    if goal is None or len(goal.rest) != 1:
-        problem.fail(goal.line if goal else 1, "expected (:goal <condition>)")
-    conditions = words.conditions(problem, goal.rest[0], {}, ":goal", equality=False)
-    if typing.size(conditions) > MOST_ATOMS:
-        problem.fail(goal.line, f":goal has more than {MOST_ATOMS} conditions once written out")
-    goals: dict[Atom, bool] = {}
-    for condition in typing.expand(conditions, {}):
-        if isinstance(condition, Literal):
-            atom = Atom(condition.predicate, condition.terms)
-            if atom.predicate in static:
-                if (atom in facts) is not condition.positive:
-                    is_so = "is not" if condition.positive else "is"
-                    problem.fail(goal.line, f":goal: {atom} {is_so} so by :init, and no action changes that")
-            elif goals.setdefault(atom, condition.positive) is not condition.positive:
-                problem.fail(goal.line, f":goal asks for {atom} and for its opposite")
-    if not goals:
-        problem.fail(goal.line, ":goal asks for nothing that is not so already")
-    task = Task(
-        domain.name,
-        problem.name,
-        dict(words.objects),
-        atoms,
-        Goal.of(goals),
-        frozenset(atom for atom, (value, _) in staged.items() if value),
-        {name: known for name, known in words.parameters.items() if name not in static},
-        static=facts,
-    )
-    return Schema(task, typing, dict(words.predicates), dict(actions), tuple(goals), static, staged)
+
+def _parameters(words: Words, file: PddlFile, listed: Sequence[Form], where: str) -> dict[str, str]:
+    parameters: dict[str, str] = {}
+    for own, variable, kind in file.typed(listed, "a parameter", "?"):
+        if variable in parameters:
+            file.fail(own.line, f"{where}: parameter {variable} is declared twice")
+        parameters[variable] = words.kind(file, kind)
+    return parameters
+
+
+class _Reading:
+    """Puts a schema together once both files have been read."""
+
+    def __init__(
+        self,
+        words: Words,
+        domain: PddlFile,
+        problem: PddlFile,
+        actions: Mapping[str, Action],
+        axioms: Sequence[tuple[Axiom, Form]],
+        seen: frozenset[str],
+    ) -> None:
+        self._words, self._typing, self._domain, self._problem = words, words.typing, domain, problem
+        self._actions, self._seen = actions, seen
+        self._axioms, self._axiom_forms = tuple(axiom for axiom, _ in axioms), [form for _, form in axioms]
+        self._derived = frozenset(axiom.predicate for axiom in self._axioms)
+        changed = {effect.literal.predicate for action in actions.values() for effect in action.effects}
+        self._static = frozenset(words.predicates.keys() - changed - seen - self._derived)
+        self._said: dict[Atom, Said] = {}
+        self._values: dict[tuple[str, Row], float] = {}
+
+    def schema(self) -> Schema:
+        words, problem = self._words, self._problem
+        self._read_init()
+        true = frozenset(atom for atom, (value, _) in self._said.items() if value)
+        atoms = self._fluents(frozenset(atom for atom in true if atom.predicate in self._static))
+        fluent = frozenset(atoms)
+        self._check_sizes(Grounding(self._typing, true - fluent, self._static, ()))
+        rules, always = self._rules(atoms, true - fluent)
+        static = (true - fluent) | always
+        grounding = Grounding(self._typing, static, self._static, (*atoms, *rules.rules))
+        goal, formula, order = self._goal(grounding)
+        init = {atom: said for atom, said in self._said.items() if atom in fluent}
+        known = self._static | self._derived
+        task = Task(
+            self._domain.name,
+            problem.name,
+            dict(words.objects),
+            atoms,
+            goal,
+            frozenset(atom for atom, (value, _) in init.items() if value),
+            {name: names for name, names in words.parameters.items() if name not in known},
+            static=static,
+            derived=rules,
+        )
+        return Schema(
+            task,
+            self._typing,
+            dict(words.predicates),
+            dict(self._actions),
+            order,
+            formula,
+            self._static,
+            init,
+            self._axioms,
+            self._values,
+            self._has_costs(),
+        )
+
+    def _read_init(self) -> None:
+        words, problem = self._words, self._problem
+        init = problem.section(":init")
+        for form in init.rest if init else ():
+            if form.head == "=":
+                self._read_value(form)
+                continue
+            negated = form.head == "not" and len(form.rest) == 1
+            literal = words.literal(problem, form.rest[0] if negated else form, {}, ":init")
+            if literal.predicate in self._derived:
+                problem.fail(form.line, f":init: {shorten(form)}: {literal.predicate} is derived by axioms")
+            atom = Atom(literal.predicate, literal.terms)
+            if self._said.setdefault(atom, Said(not negated, form.line)).value is negated:
+                problem.fail(form.line, f":init says {atom} and its opposite, on line {self._said[atom].line}")
+
+    def _read_value(self, form: Form) -> None:
+        words, problem = self._words, self._problem
+        parts = form.rest
+        value = number(parts[1]) if len(parts) == 2 else None
+        name = parts[0].word or parts[0].head if parts else ""
+        if name not in words.functions or value is None:
+            problem.fail(form.line, f":init: {shorten(form)}: expected (= (<function> <objects>) <number>)")
+        for term in parts[0].rest:
+            words.term(problem, term, {}, ":init")
+        self._values[name, tuple(term.word for term in parts[0].rest)] = value
+
+    def _fluents(self, static: frozenset[Atom]) -> tuple[Atom, ...]:
+        """The atoms that some action may change and those that somebody looks at, in the order of the files."""
+        words = self._words
+        grounding = Grounding(self._typing, static, self._static, ())
+        found: set[tuple[str, Row]] = set()
+
+        def keep(keys: Iterator[tuple[str, Row]]) -> None:
+            for key in keys:
+                found.add(key)
+                if len(found) > MOST_ATOMS:
+                    raise _too_many(self._problem, {name for name, _ in found})
+
+        for name in words.predicates:
+            if name in self._seen:
+                keep((name, args) for args in self._typing.tuples(words.predicates[name]))
+        keep(fluents.changed(self._actions.values(), grounding, self._typing))
+        rank = {name: index for index, name in enumerate(words.predicates)}
+        place = {name: index for index, name in enumerate(words.objects)}
+        return tuple(
+            Atom(*key) for key in sorted(found, key=lambda key: (rank[key[0]], [place[each] for each in key[1]]))
+        )
+
+    def _check_sizes(self, grounding: Grounding) -> None:
+        """Refuse what has too many parts once it is written out, before that is tried."""
+        lines = {form.rest[0].word: form.line for form in self._domain.actions if form.head == ":action"}
+        for name, action in self._actions.items():
+            size = grounding.size(action.precondition)
+            for effect in action.effects:
+                size += grounding.count(effect.variables, effect.condition) * (grounding.size(effect.condition) + 1)
+            if size > MOST_PARTS:
+                self._domain.fail(lines[name], f"action {name} has {size} conditions once written out")
+        for axiom, form in zip(self._axioms, self._axiom_forms, strict=True):
+            if (size := grounding.size(axiom.condition)) > MOST_PARTS:
+                self._domain.fail(form.line, f":derived {axiom.predicate} has {size} conditions once written out")
+
+    def _rules(self, atoms: Sequence[Atom], static: frozenset[Atom]) -> tuple[DerivedRules, frozenset[Atom]]:
+        """How derived atoms follow from fluent ones, and the derived atoms that are always true."""
+        if not self._axioms:
+            return DerivedRules(), frozenset()
+        found = []
+        for each in fluents.heads(self._axioms, Grounding(self._typing, static, self._static, ())):
+            found.append(each)
+            if len(found) > MOST_RULES:
+                line = self._axiom_forms[each[0]].line
+                self._domain.fail(line, f":derived: there are more than {MOST_RULES} instances of axioms")
+        derived = {key: Atom(*key) for _, _, key in found}
+        grounding = Grounding(self._typing, static, self._static, (*atoms, *derived.values()))
+        rules, always = fluents.rules(self._axioms, found, grounding, derived)
+        try:
+            return DerivedRules(rules), always
+        except ValueError as error:
+            self._domain.fail(self._axiom_forms[0].line, f":derived: {error}")
+
+    def _goal(self, grounding: Grounding) -> tuple[Condition, Formula, tuple[Atom, ...]]:
+        problem = self._problem
+        goal = problem.section(":goal")
+        if goal is None or len(goal.rest) != 1:
+            problem.fail(goal.line if goal else 1, "expected (:goal <condition>)")
+        formula = self._words.formula(problem, goal.rest[0], {}, ":goal")
+        if (size := grounding.size(formula)) > MOST_PARTS:
+            problem.fail(goal.line, f":goal has {size} conditions once written out")
+        order: dict[Atom, None] = {}
+        parts = []
+        for part in conjuncts(formula):
+            condition = grounding.condition(part, {})
+            if condition == NEVER:
+                told = Atom(part.predicate, part.terms) if isinstance(part, Literal) else None
+                what = "a condition of it can never hold" if told is None else f"{told} {_is_so(part)} by :init"
+                problem.fail(goal.line, f":goal: {what}, and no action changes that")
+            order.update(dict.fromkeys(sorted(condition.atoms)))
+            parts.append(condition)
+        wanted = Condition.all_of(parts)
+        if wanted == NEVER:
+            problem.fail(goal.line, ":goal asks for something and for its opposite")
+        return wanted, formula, tuple(atom for atom in order if atom in wanted.atoms)
+
+    def _has_costs(self) -> bool:
+        metric = self._problem.section(":metric")
+        if metric is None:
+            return False
+        told = [form.word or form.head for form in metric.rest]
+        if "is-violated" in str(metric):
+            self._problem.fail(metric.line, f"{shorten(metric)} is not supported: a preference")
+        if told == ["minimize", "total-time"]:
+            self._problem.fail(metric.line, f"{shorten(metric)} is not supported: actions that take time")
+        if told != ["minimize", TOTAL_COST]:
+            self._problem.fail(metric.line, f"{shorten(metric)} is not supported: numeric fluents")
+        return True
+
+
+def _is_so(part: Formula) -> str:
+    return "is not so" if isinstance(part, Literal) and part.positive else "is so"

@@ -1,120 +1,32 @@
-"""A planning task whose actions are still lifted: what a pair of PDDL files says once read, and how it is grounded.
-
-Pure values. Conditions are conjunctions of literals, equalities and universally quantified conjunctions.
-"""
+"""A planning task whose actions are still lifted: what a pair of PDDL files says once read, and how it is grounded."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
-from executive.types import Atom, Step, Task
+from executive.domain.pddl.formulas import And, Axiom, Equality, Exists, Forall, Formula, LiftedEffect, Literal, Or
+from executive.domain.pddl.grounding import Grounding
+from executive.domain.pddl.typing import Typing
+from executive.types import NEVER, Atom, Condition, Effect, Facts, Step, Task
 
-OBJECT = "object"
-"""The type that every other type descends from."""
-
-
-@dataclass(frozen=True, slots=True)
-class Literal:
-    """A predicate over terms, or its negation. A term is a variable (`?item`) or an object (`lemon`)."""
-
-    predicate: str
-    terms: tuple[str, ...]
-    positive: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class Equality:
-    """`(= left right)`, or its negation. It is static: known as soon as its terms are bound."""
-
-    left: str
-    right: str
-    positive: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class Forall:
-    """The body holds for every binding of the variables, each given with its type."""
-
-    variables: tuple[tuple[str, str], ...]
-    body: tuple[Condition, ...]
-
-
-Condition: TypeAlias = Literal | Equality | Forall
-
-
-def literals(conditions: Iterable[Condition]) -> Iterator[Literal]:
-    """All literals among conditions, those under quantifiers too."""
-    for condition in conditions:
-        if isinstance(condition, Forall):
-            yield from literals(condition.body)
-        elif isinstance(condition, Literal):
-            yield condition
+CostTerm: TypeAlias = float | tuple[str, tuple[str, ...]]
+"""A number, or a function over terms whose value `:init` gives."""
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """A lifted action. `parameters` are (variable, type) pairs; effects hold neither equalities nor conditions."""
+    """A lifted action. `parameters` are (variable, type) pairs; `cost` is a sum, where `total-cost` is minimised."""
 
     name: str
     parameters: tuple[tuple[str, str], ...]
-    preconditions: tuple[Condition, ...]
-    effects: tuple[Condition, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Typing:
-    """Which objects there are, of which types. `supertypes` maps each type to its parent, `object` to None."""
-
-    supertypes: Mapping[str, str | None]
-    objects: Mapping[str, str]
-
-    def descends(self, kind: str, ancestor: str) -> bool:
-        """Whether `kind` is `ancestor` or one of its subtypes."""
-        current: str | None = kind
-        while current is not None:
-            if current == ancestor:
-                return True
-            current = self.supertypes[current]
-        return False
-
-    def members(self, kind: str) -> tuple[str, ...]:
-        """The objects of a type, subtypes included, in the order of the files."""
-        return tuple(name for name, own in self.objects.items() if self.descends(own, kind))
-
-    def tuples(self, kinds: Sequence[str]) -> Iterator[tuple[str, ...]]:
-        """Every tuple of objects that fits a sequence of types; the one empty tuple for no types."""
-        return itertools.product(*(self.members(kind) for kind in kinds))
-
-    def expand(self, conditions: Sequence[Condition], binding: Mapping[str, str]) -> Iterator[Literal | Equality]:
-        """The conditions with bound variables replaced by objects and every `Forall` written out."""
-        for condition in conditions:
-            if isinstance(condition, Literal):
-                terms = tuple(binding.get(term, term) for term in condition.terms)
-                yield Literal(condition.predicate, terms, condition.positive)
-            elif isinstance(condition, Equality):
-                left, right = (binding.get(term, term) for term in (condition.left, condition.right))
-                yield Equality(left, right, condition.positive)
-            else:
-                names = [name for name, _ in condition.variables]
-                for objects in self.tuples([kind for _, kind in condition.variables]):
-                    yield from self.expand(condition.body, {**binding, **dict(zip(names, objects, strict=True))})
-
-    def size(self, conditions: Sequence[Condition]) -> int:
-        """How many literals and equalities `expand` yields, without yielding them."""
-        total = 0
-        for condition in conditions:
-            factor = 1
-            if isinstance(condition, Forall):
-                factor = self.size(condition.body)
-                for _, kind in condition.variables:
-                    factor *= len(self.members(kind))
-            total += factor
-        return total
+    precondition: Formula
+    effects: tuple[LiftedEffect, ...]
+    cost: tuple[CostTerm, ...] = (1.0,)
 
 
 class Said(NamedTuple):
@@ -124,13 +36,14 @@ class Said(NamedTuple):
     line: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Schema:
-    """Everything that a planner needs, read once: the task, and its actions and goals as the files have them.
+    """Everything that a planner needs, read once: the task, and its actions and goal as the files have them.
 
     `predicates` maps each name to the types of its parameters; `goals` are the goal's atoms in the order in which the
-    problem file names them (`Task.goal` is sorted). `static` are the predicates that are what `:init` says, and `init`
-    is all that `:init` says of the others.
+    problem file names them, and `goal` is the goal as it stands there. `static` are the predicates that are what
+    `:init` says, `derived` those that axioms define, and `init` is all that `:init` says of fluent atoms. `values` are
+    those of static functions, for costs. `has_costs`: the sum of costs is minimised, and not the number of steps.
     """
 
     task: Task
@@ -138,23 +51,77 @@ class Schema:
     predicates: Mapping[str, tuple[str, ...]]
     actions: Mapping[str, Action]
     goals: tuple[Atom, ...]
+    goal: Formula
     static: frozenset[str] = frozenset()
     init: Mapping[Atom, Said] = field(default_factory=lambda: MappingProxyType({}))
+    axioms: tuple[Axiom, ...] = ()
+    values: Mapping[tuple[str, tuple[str, ...]], float] = field(default_factory=lambda: MappingProxyType({}))
+    has_costs: bool = False
+
+    @cached_property
+    def features(self) -> frozenset[str]:
+        """What it uses of PDDL beyond conjunctions of atoms, by the names of PDDL's requirements."""
+        found = {"derived-predicates"} if self.axioms else set[str]()
+        found |= {"action-costs"} if self.has_costs else set()
+        found |= {"typing"} if len(self.typing.supertypes) > 1 else set()
+        waiting = [self.goal, *(axiom.condition for axiom in self.axioms)]
+        for action in self.actions.values():
+            waiting.append(action.precondition)
+            for effect in action.effects:
+                waiting.append(effect.condition)
+                found |= {"conditional-effects"} if effect.condition != And() or effect.variables else set()
+        while waiting:
+            match waiting.pop():
+                case Literal(positive=False):
+                    found.add("negative-preconditions")
+                case Equality():
+                    found.add("equality")
+                case And(parts):
+                    waiting += parts
+                case Or(parts):
+                    found.add("disjunctive-preconditions")
+                    waiting += parts
+                case Forall(_, body):
+                    found.add("universal-preconditions")
+                    waiting.append(body)
+                case Exists(_, body):
+                    found.add("existential-preconditions")
+                    waiting.append(body)
+        return frozenset(found)
+
+    @cached_property
+    def derived(self) -> frozenset[str]:
+        """The predicates that axioms define."""
+        return frozenset(axiom.predicate for axiom in self.axioms)
+
+    @cached_property
+    def grounding(self) -> Grounding:
+        """Writes formulas out for objects, simplified by what is static."""
+        rules = self.task.derived.rules
+        return Grounding(self.typing, self.task.static, self.static, (*self.task.atoms, *rules))
 
     def giving(self, atoms: Collection[Atom]) -> frozenset[Step]:
-        """All steps that make any of the atoms true."""
+        """All steps that make any of the atoms true, whatever else holds."""
         predicates, found = {atom.predicate for atom in atoms}, set[Step]()
         for name, action in self.actions.items():
-            adds = {each.predicate for each in literals(action.effects) if each.positive}
-            for args in self.typing.tuples([kind for _, kind in action.parameters]) if adds & predicates else ():
+            adds = {each.literal.predicate for each in action.effects if each.literal.positive}
+            for args in self.arguments(name) if adds & predicates else ():
                 with suppress(ValueError):  # this one can never be carried out
                     step = self.ground(name, args)
                     found |= {step} if step.unconditional.true.intersection(atoms) else set()
         return frozenset(found)
 
+    def arguments(self, name: str) -> Iterator[tuple[str, ...]]:
+        """Every tuple of objects for which the static literals of an action's precondition hold, and maybe others, for
+        which they do not."""
+        action = self.actions[name]
+        order = [variable for variable, _ in action.parameters]
+        for binding in self.grounding.bindings(action.parameters, action.precondition, {}):
+            yield tuple(binding[variable] for variable in order)
+
     def ground(self, name: str, args: Sequence[str]) -> Step:
-        """The step `name(args)`. What is static is known, and so is no precondition of it. An atom both deleted and
-        added is true afterwards, as in PDDL.
+        """The step `name(args)`. What is static is known, and so is no part of it. An atom both deleted and added is
+        true afterwards, as in PDDL.
 
         Raises:
             ValueError: no such action, arguments that do not fit, or an instance that can never be carried out.
@@ -170,19 +137,33 @@ class Schema:
         if not fits:
             raise ValueError(f"{shown} does not fit {name}({','.join(kinds)})")
         binding = dict(zip((variable for variable, _ in action.parameters), args, strict=True))
-        preconditions: dict[Atom, bool] = {}
-        for condition in self.typing.expand(action.preconditions, binding):
-            if isinstance(condition, Equality):
-                possible = (condition.left == condition.right) is condition.positive
-            elif condition.predicate in self.static:
-                holds = Atom(condition.predicate, condition.terms) in self.task.static
-                possible = holds is condition.positive
+        precondition = self.grounding.condition(action.precondition, binding)
+        if precondition == NEVER:
+            raise ValueError(f"{shown} can never be carried out")
+        return Step(name, tuple(args), precondition, self._effects(action, binding), self._cost(action, binding))
+
+    def _effects(self, action: Action, binding: Mapping[str, str]) -> tuple[Effect, ...]:
+        deletes: dict[Condition, dict[Atom, bool]] = {}
+        adds: dict[Condition, dict[Atom, bool]] = {}
+        for effect in action.effects:
+            for inner in self.grounding.bindings(effect.variables, effect.condition, binding):
+                condition = self.grounding.condition(effect.condition, inner)
+                atom = self.grounding.atom(effect.literal, inner)
+                if condition != NEVER and atom is not None:
+                    sign = effect.literal.positive
+                    (adds if sign else deletes).setdefault(condition, {})[atom] = sign
+        conditions = sorted({*deletes, *adds}, key=lambda each: (bool(each.atoms), str(each)))
+        return tuple(Effect(each, Facts({**deletes.get(each, {}), **adds.get(each, {})})) for each in conditions)
+
+    def _cost(self, action: Action, binding: Mapping[str, str]) -> float:
+        total = 0.0
+        for term in action.cost if self.has_costs else (1.0,):
+            if isinstance(term, tuple):
+                function, terms = term
+                key = function, tuple(binding.get(each, each) for each in terms)
+                if key not in self.values:
+                    raise ValueError(f"{action.name}: {Atom(*key)} has no value")
+                total += self.values[key]
             else:
-                atom = Atom(condition.predicate, condition.terms)
-                possible = preconditions.setdefault(atom, condition.positive) is condition.positive
-            if not possible:
-                raise ValueError(f"{shown} can never be carried out: {condition}")
-        changes = [c for c in self.typing.expand(action.effects, binding) if isinstance(c, Literal)]
-        deletes = {Atom(c.predicate, c.terms): False for c in changes if not c.positive}
-        adds = {Atom(c.predicate, c.terms): True for c in changes if c.positive}
-        return Step.strips(name, tuple(args), preconditions, {**deletes, **adds})
+                total += term
+        return total

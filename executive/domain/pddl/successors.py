@@ -9,7 +9,8 @@ from contextlib import suppress
 
 import numpy as np
 
-from executive.domain.pddl.schema import Action, Literal, Schema
+from executive.domain.pddl.formulas import Literal, conjuncts
+from executive.domain.pddl.schema import Action, Schema
 from executive.types import Atom, Step
 
 MOST_TRIES = 2_000
@@ -28,7 +29,7 @@ def draw_action(
         facts.setdefault(atom.predicate, []).append(atom.args)
     for number in rng.permutation(len(schema.actions)):
         action = schema.actions[sorted(schema.actions)[number]]
-        needs = [each for each in action.preconditions if isinstance(each, Literal) and each.positive]
+        needs = [each for each in conjuncts(action.precondition) if isinstance(each, Literal) and each.positive]
         needs.sort(key=lambda literal: len(facts.get(literal.predicate, ())))
         for binding in _bindings(schema, action, needs, facts, {}, rng):
             if next(tries, None) is None:
