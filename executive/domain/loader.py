@@ -51,8 +51,8 @@ class Domain:
 
     `parsed` is what a planner is made from; `skills` maps each action to the name of the skill that carries it out,
     `relations` each predicate that is neither static nor derived to what is its truth in the simulator: the name of a
-    relation, with its arguments where they are not the predicate's own (`on(?tool, tray)`); `scene` is the file that the world is
-    built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how
+    relation, with its arguments where they are not the predicate's own (`on(?tool, tray)`); `scene` is the file that
+    the world is built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how
     reliable the skills are (`executive.app.sensor_fit` reads it), if there is one, `looking` is how it is to look, and
     `files` are all the files that were read or located. A pair of PDDL files has neither skills nor relations nor a
     scene (`scene_file` is None): only the symbolic world can play it."""
