@@ -73,8 +73,9 @@ def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> 
     file = PddlFile(problem, "problem", frozenset([":domain", ":requirements", ":objects"]))
     _declare_problem(words, source, file)
     derived = {form.rest[0].head for form in source.actions if form.head == ":derived" and form.rest}
-    changed = {name for form in source.actions if form.head != ":derived" for name in _changed(form)}
-    known = words.predicates.keys() - changed.union(seen) if source.actions else set[str]()
+    actions = [form for form in source.actions if form.head != ":derived"]
+    changed = {name for form in actions for name in _changed(form)}
+    known = words.predicates.keys() - changed.union(seen) if actions else set[str]()
     asked = {name: kinds for name, kinds in words.predicates.items() if name not in known | derived}
     tuples = ((name, args) for name, kinds in asked.items() for args in words.typing.tuples(kinds))
     atoms = tuple(Atom(*each) for each in islice(tuples, MOST_ATOMS + 1))
