@@ -3,7 +3,7 @@
 python -m examples.library
 """
 
-from executive import Decision, DecisionKind, Event, RunConfig, run
+from executive import Decision, DecisionKind, Event, RunConfig, run, why
 
 
 class Replans:
@@ -11,7 +11,7 @@ class Replans:
 
     def write(self, event: Event) -> None:
         if isinstance(event.payload, Decision) and event.payload.kind is DecisionKind.REPLAN:
-            print(f"{event.time:.1f} s: {event.payload.reason}")
+            print(f"{event.time:.1f} s: {why(event.payload)}")
 
     def close(self) -> None: ...
 

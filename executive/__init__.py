@@ -18,6 +18,7 @@ from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, Skil
 from executive.types import (
     Atom,
     Belief,
+    Cause,
     Condition,
     Decision,
     DecisionKind,
@@ -34,6 +35,7 @@ from executive.types import (
     OutcomeKind,
     Phase,
     Plan,
+    Reason,
     Scenery,
     SkillResult,
     SkillStatus,
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
     from executive.sim.relations import SimState, takes
     from executive.sim.truth import Oracle, Truth
     from executive.sim.world import MujocoWorld
+    from executive.trace.phrases import why
     from executive.trace.record.log import EventLog
     from executive.trace.terminal import TerminalSink
     from executive.trace.viewer.sink import RerunSink
@@ -65,6 +68,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Atom",
     "Belief",
+    "Cause",
     "Condition",
     "Decision",
     "DecisionKind",
@@ -93,6 +97,7 @@ __all__ = [
     "Phase",
     "Plan",
     "Planner",
+    "Reason",
     "RerunSink",
     "Run",
     "RunConfig",
@@ -123,6 +128,7 @@ __all__ = [
     "resume",
     "run",
     "takes",
+    "why",
 ]
 
 _FROM = {
@@ -150,6 +156,7 @@ _FROM = {
     "resume": "executive.app.run",
     "run": "executive.app.run",
     "takes": "executive.sim.relations",
+    "why": "executive.trace.phrases",
 }
 """Imported when they are first asked for: what stands behind them is not light."""
 

@@ -10,6 +10,8 @@ from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
+from executive.types import Decision, Ended
+
 MOVED = {
     "executive.assemble": "executive.app.run",
     "executive.compare": "executive.core.compare",
@@ -58,7 +60,20 @@ def renamed(module: str, former: str, now: str, value: object) -> object:
     return value
 
 
+def _reason(decided: object) -> str:
+    """`Decision.reason` and `Ended.reason`, which were texts."""
+    warnings.warn(
+        "causes have taken the place of reason, which works until version 0.3: executive.why has the text",
+        FutureWarning,
+        stacklevel=2,
+    )
+    text: str = import_module("executive.trace.phrases").why(decided)
+    return text
+
+
 def install() -> None:
     """Have former names be found from now on, after everything that exists."""
+    for kind in (Decision, Ended):
+        setattr(kind, "reason", property(_reason))  # noqa: B010  (a type checker is not to know of it)
     if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.append(_Finder())

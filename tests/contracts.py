@@ -24,6 +24,7 @@ from executive.types import (
     Atom,
     Belief,
     Blinded,
+    Cause,
     Compared,
     Condition,
     Contradiction,
@@ -53,6 +54,7 @@ from executive.types import (
     Plan,
     Probed,
     Questions,
+    Reason,
     Remembered,
     Resumed,
     Revised,
@@ -331,6 +333,7 @@ class SkillContract(ABC):
 
 _ATOM = Atom("at", ("a", "p"))
 _FACTS = Facts({_ATOM: True})
+_ENOUGH = (Cause(Reason.BUDGET_SPENT, what="actions", total=1),)
 _STEP = Step.strips("pick", ("a", "p"), _FACTS, Facts({_ATOM: False}))
 _TASK = Task("things", "fake", {"a": "thing"}, (_ATOM,), Condition.of(_FACTS))
 
@@ -366,11 +369,14 @@ EVERY_PAYLOAD: tuple[Payload, ...] = (
     Timing("skill", 0.3),
     Moved("home", SkillStatus.DONE, "", 1.5),
     Decision(
-        DecisionKind.REPLAN, "it is elsewhere", (_ATOM,), grounds=(Ground(_ATOM, True, False, 0.1, 0, ("front",)),)
+        DecisionKind.REPLAN,
+        (Cause(Reason.EFFECT_MISSING, (_ATOM,)),),
+        (_ATOM,),
+        grounds=(Ground(_ATOM, True, False, 0.1, 0, ("front",)),),
     ),
     Revised(_FACTS, _FACTS),
-    Decision(DecisionKind.STOP, "enough", (), OutcomeKind.GAVE_UP),
-    Ended(OutcomeKind.GAVE_UP, "enough", False, ("at(a,p)",), 1, 1, 0, 1),
+    Decision(DecisionKind.STOP, _ENOUGH, (), OutcomeKind.GAVE_UP),
+    Ended(OutcomeKind.GAVE_UP, _ENOUGH, False, ("at(a,p)",), 1, 1, 0, 1),
 )
 """One of each thing that a sink may get to see, in an order that can happen."""
 

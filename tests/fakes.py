@@ -27,7 +27,9 @@ from executive.protocols import FaultSource, Preparing, Skill, SkillContext
 from executive.types import (
     Atom,
     Belief,
+    Cause,
     Condition,
+    Decision,
     DepthImage,
     Ended,
     Event,
@@ -39,6 +41,7 @@ from executive.types import (
     Observation,
     Phase,
     Plan,
+    Reason,
     Scenery,
     Sense,
     SkillResult,
@@ -99,6 +102,21 @@ def groups(some: Task) -> tuple[Group, ...]:
     things = sorted(name for name, kind in some.objects.items() if kind == "thing")
     own = [Group(tuple(atom for atom in some.atoms if thing in atom.args)) for thing in things]
     return (*own, Group((FREE, *map(held, things)), exact=True))
+
+
+def budget(what: str, total: float) -> Cause:
+    """The cause of an end for want of a budget."""
+    return Cause(Reason.BUDGET_SPENT, what=what, total=total)
+
+
+def recorded(text: str) -> tuple[Cause, ...]:
+    """The causes of a decision in a record that has no codes."""
+    return (Cause(Reason.RECORDED, detail=text),)
+
+
+def decided(stage: Stage, code: Reason) -> list[Decision]:
+    """The decisions of a run that have this cause."""
+    return [decision for decision in stage.recorder.of(Decision) if code in decision.codes]
 
 
 class FakePlanner:

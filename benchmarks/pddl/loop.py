@@ -22,6 +22,7 @@ from executive.app.config import RunConfig
 from executive.app.run import Run
 from executive.domain.loader import load_domain
 from executive.errors import DomainError
+from executive.trace.phrases import why
 from executive.types import Ended, Event, OutcomeKind
 
 FLUENTS, LARGER = 1_000, 10
@@ -98,7 +99,7 @@ def play(entry: dict[str, Any], seed: int, arguments: argparse.Namespace) -> dic
         "questions": summary["looking"]["questions"],
         "overrun": [name for name, share in used.items() if share > OVERRUN],
         "groups": len(getattr(getattr(run.monitor, "network", None), "groups", ())),
-        "given_up": state.given_up_why,
+        "given_up": why(state.given_up_why),
         "ready": round(ready, 2),
         "wall": summary["wall_seconds"],
         "seconds": _since(began),
@@ -112,7 +113,7 @@ class _Ends:
 
     def write(self, event: Event) -> None:
         if isinstance(event.payload, Ended):
-            self.reason = event.payload.reason
+            self.reason = why(event.payload)
 
     def close(self) -> None:
         """Nothing is open."""

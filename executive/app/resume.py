@@ -27,9 +27,6 @@ from executive.types import (
     Event,
     Facts,
     Judged,
-    Looked,
-    LookKind,
-    Observation,
     OutcomeKind,
     Resumed,
     SkillResult,
@@ -87,17 +84,19 @@ class PastRun:
         """
         if not os.path.exists(folder / EVENTS_FILE):
             return cls(folder)
-        story, wall, looks, observations = Story(), 0.0, 0, 0
+        story = Story()
         for event in read_events(folder, images=False):
             story.tell(event)
-            wall = event.wall
-            match event.payload:
-                case Observation(id=number):
-                    observations = max(observations, number + 1)
-                case Looked(kind=kind):
-                    looks += kind is not LookKind.GUARD
         return cls(
-            folder, story.started, story.cycle, story.actions, looks, len(story.plans), observations, wall, story.ended
+            folder,
+            story.started,
+            story.cycle,
+            story.actions,
+            story.costs.looks,
+            len(story.plans),
+            story.seeing.observations,
+            story.latest.wall if story.latest else 0.0,
+            story.ended,
         )
 
     @property

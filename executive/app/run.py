@@ -19,7 +19,6 @@ from executive.app.resume import PastRun
 from executive.app.worlds import make_setting, oracle_sensor_model
 from executive.core.loop import Executive
 from executive.core.run_state import RunState
-from executive.core.session import INTERRUPTED
 from executive.core.time_limits import punctual_estimator, punctual_planner, punctual_preparing, punctual_skills
 from executive.domain.loader import load_domain
 from executive.errors import InputError
@@ -121,7 +120,7 @@ class Run:
         self.world.close()
         requirements.give_back_memory()
 
-    def cancel(self, why: str = INTERRUPTED) -> None:
+    def cancel(self, why: str = "") -> None:
         """Stop the arm and end the run as interrupted; safe to call from a signal handler."""
         self.executive.cancel(why)
 

@@ -26,6 +26,7 @@ from executive.types import (
     ALWAYS,
     Atom,
     Belief,
+    Cause,
     Compared,
     Condition,
     Decision,
@@ -38,6 +39,7 @@ from executive.types import (
     NoPlanReason,
     Plan,
     Probed,
+    Reason,
     Revised,
     SkillResult,
     Started,
@@ -143,7 +145,7 @@ class Executive:
         """1. Look at the world; estimate every atom; that is the initial state."""
         if self.is_blind:
             self._emit(Belief.certain(self.run_state.known))
-            return Decision(DecisionKind.CONTINUE, "told what holds")
+            return Decision(DecisionKind.CONTINUE, (Cause(Reason.INITIAL_STATE_GIVEN),))
         self._in_time()
         self._weigh(self.observer.look_at_all(self.run_state, "first look"))
         while True:
@@ -325,7 +327,7 @@ class Executive:
             kept, plan, hangs = self._largest(Leeway.CHANGED)
         decision = policy.given_up(cause, self.run_state.goal, kept, is_stuck or hangs)
         self._emit(self.run_state.grounded(decision))
-        self.run_state = self.run_state.giving_up(cause.reason)
+        self.run_state = self.run_state.giving_up(cause.causes)
         return decision if plan is None else self._take_up(plan, kept)
 
     def _largest(self, leeway: Leeway) -> tuple[Condition, Plan | None, bool]:
@@ -348,7 +350,7 @@ class Executive:
             return self._decide(stop)
         self._emit(plan)
         self.run_state = self.run_state.planned(plan, goal)
-        return Decision(DecisionKind.CONTINUE, f"{len(plan.steps)} steps to go")
+        return Decision(DecisionKind.CONTINUE, (Cause(Reason.PLAN_FOUND, count=len(plan.steps)),))
 
     def _probe(self, goal: Condition, leeway: Leeway = Leeway.NONE) -> Plan | NoPlan:
         if self.run_state.holds(goal, self.run_state.state):
@@ -420,7 +422,7 @@ class _TimeIsUpError(Exception):
 
     def __init__(self, decision: Decision) -> None:
         self.decision = decision
-        super().__init__(decision.reason)
+        super().__init__(decision.code)
 
 
 def _probed(goal: Condition, answer: Plan | NoPlan) -> Probed:

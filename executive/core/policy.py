@@ -7,7 +7,7 @@ are to be read from top to bottom. Nothing is remembered here; every count comes
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, islice
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from executive.core.settings import Settings
 from executive.types import (
     ALWAYS,
     Atom,
+    Cause,
     Condition,
     Decision,
     DecisionKind,
@@ -23,6 +24,7 @@ from executive.types import (
     NoPlanReason,
     OutcomeKind,
     Plan,
+    Reason,
     SkillResult,
     SkillStatus,
     Step,
@@ -78,7 +80,7 @@ class Dropped(NamedTuple):
     is left of the goal, too."""
 
     goals: Condition
-    why: str = ""
+    why: tuple[Cause, ...] = ()
     plan: Plan | None = None
 
 
@@ -96,21 +98,21 @@ class OptimisticPlan(NamedTuple):
     plan: Plan
 
     @property
-    def instead(self) -> str:
-        """What the plan begins with, in words."""
-        return _listed(sorted(self.plan.steps[0].precondition.facts.true))
+    def instead(self) -> tuple[Atom, ...]:
+        """What the plan begins with, which is not what is believed."""
+        return tuple(sorted(self.plan.steps[0].precondition.facts.true))
 
 
 def first(atoms: Collection[Atom], known: Facts, looks: int, settings: Settings) -> Decision:
     """After a look that opens the run: is there something to plan from?"""
     unknown = tuple(atom for atom in atoms if atom not in known)
     if unknown and looks <= settings.max_looks_again:
-        return Decision(DecisionKind.LOOK_AGAIN, f"cannot tell {_listed(unknown)}", unknown)
+        return Decision(DecisionKind.LOOK_AGAIN, (Cause(Reason.CANNOT_TELL, unknown),), unknown)
     if unknown and not known:
-        return _stop(OutcomeKind.GAVE_UP, f"nothing can be seen: {_looks(looks)} told no atom", unknown)
+        return _stop(OutcomeKind.GAVE_UP, Cause(Reason.NOTHING_SEEN, count=looks), evidence=unknown)
     if unknown:
-        return Decision(DecisionKind.CONTINUE, f"cannot tell {_listed(unknown)}: planned from as false", unknown)
-    return Decision(DecisionKind.CONTINUE, "every atom is known")
+        return Decision(DecisionKind.CONTINUE, (Cause(Reason.UNKNOWN_AS_FALSE, unknown),), unknown)
+    return Decision(DecisionKind.CONTINUE, (Cause(Reason.ALL_KNOWN),))
 
 
 def before(
@@ -122,90 +124,90 @@ def before(
     unmet = tuple(sorted(verdict.violated | {atom for atom in verdict.unknown if needed[atom]}))
     if not unmet:
         return None
-    reason = f"{step} cannot begin: {_unmet(unmet, needed, verdict)}"
+    never_seen = tuple(atom for atom in unmet if atom in verdict.unknown)
+    literals = needed.only(unmet).literals()
+    cause = Cause(Reason.PRECONDITION_UNMET, never_seen, literals=literals, steps=(str(step),))
     if waits < settings.precondition_wait:
-        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; waiting (look {waits + 1})", unmet)
-    return _fail(reason, unmet, failures, SkillStatus.NOT_THERE, settings)
+        return Decision(DecisionKind.LOOK_AGAIN, (cause, Cause(Reason.WAITING, count=waits + 1)), unmet)
+    return _fail((cause,), unmet, failures, SkillStatus.NOT_THERE, settings)
 
 
 def after(turn: Turn, settings: Settings) -> Decision:
     """After a step was carried out and looked at: go on, look once more, try once more, plan anew, give up or stop?"""
     step, result, verdict = turn.step, turn.result, turn.verdict
     may_look = turn.looks <= settings.max_looks_again
+    doubts, named = _doubts(turn.doubts), (str(step),)
     if turn.doubts and may_look:
-        return Decision(DecisionKind.LOOK_AGAIN, f"cannot tell {_aged(turn.doubts)}", tuple(turn.doubts))
+        return Decision(DecisionKind.LOOK_AGAIN, doubts, tuple(turn.doubts))
     if verdict.unknown and not verdict.holds and not verdict.violated:
-        reason = f"nothing can be seen any more: {_looks(turn.looks)} after {step} told no atom"
-        return _stop(OutcomeKind.GAVE_UP, reason, tuple(sorted(verdict.unknown)))
+        blind = Cause(Reason.NOTHING_SEEN, steps=named, count=turn.looks)
+        return _stop(OutcomeKind.GAVE_UP, blind, evidence=tuple(sorted(verdict.unknown)))
 
-    surprise, evidence = _surprise(verdict, turn.expected), tuple(sorted(verdict.violated))
-    doubt = f"cannot tell {_aged(turn.doubts)}" if turn.doubts else ""
+    surprises, evidence = _surprises(verdict, turn.expected), tuple(sorted(verdict.violated))
     broken, as_planned = turn.rest is None, turn.rest == tuple(range(turn.planned))
-    reported = "" if result.done else f"{_report(result)}{', yet what it was for is seen' if as_planned else ''}"
-    # One look is enough where skill and eye agree: both say that it worked, or both say that it did not.
+    reported = () if result.done else (_report(result, seen_done=as_planned),)
+    # One look is enough where skill and estimator agree: both say that it worked, or both say that it did not.
     agreed = as_planned if result.done else broken
     if not agreed and may_look and turn.looks == 1:
-        reason = _joined(reported, surprise) or f"{step} is done, yet the plan does not reach the goal from here"
-        return Decision(DecisionKind.LOOK_AGAIN, reason, evidence or step.affects)
+        broken_plan = () if reported or surprises else (Cause(Reason.PLAN_BROKEN, steps=named),)
+        return Decision(DecisionKind.LOOK_AGAIN, (*reported, *surprises, *broken_plan), evidence or step.affects)
     if turn.rest is not None:
-        skipped = turn.planned - len(turn.rest)
-        onward = f"{skipped} of {turn.planned} steps no longer needed" if skipped else "the plan still reaches the goal"
-        news = _joined(reported, surprise, doubt)
-        reason = _joined(news, onward) if news or skipped else "as expected"
-        return Decision(DecisionKind.CONTINUE, reason, evidence or step.affects)
-    reason = _joined(reported or f"{step} did not come out", surprise, doubt)
+        causes, skipped = (*reported, *surprises, *doubts), turn.planned - len(turn.rest)
+        if skipped:
+            causes += (Cause(Reason.STEPS_UNNEEDED, count=skipped, total=turn.planned),)
+        elif causes:
+            causes += (Cause(Reason.PLAN_HOLDS),)
+        return Decision(DecisionKind.CONTINUE, causes or (Cause(Reason.AS_EXPECTED),), evidence or step.affects)
+    causes = (*(reported or (Cause(Reason.STEP_FAILED, steps=named),)), *surprises, *doubts)
     evidence = evidence or tuple(turn.doubts)
     enough = turn.failures.too_many(result.status, settings)
     if not enough and turn.repeatable and turn.attempt <= settings.max_retries:
-        again = f"trying again ({turn.attempt + 1} of {settings.max_retries + 1})"
-        return Decision(DecisionKind.RETRY, _joined(reason, again), evidence)
-    return _fail(reason, evidence, turn.failures, result.status, settings)
+        again = Cause(Reason.TRY, count=turn.attempt + 1, total=settings.max_retries + 1)
+        return Decision(DecisionKind.RETRY, (*causes, again), evidence)
+    return _fail(causes, evidence, turn.failures, result.status, settings)
 
 
 def assumed(result: SkillResult) -> Decision:
     """After a step of an executive that does not look: its effects are assumed, whatever its skill says."""
-    said = f"{result.step} is done" if result.done else _report(result)
-    return Decision(DecisionKind.CONTINUE, f"{said}; nobody looks, its effects are assumed", result.step.affects)
+    said = Cause(Reason.SKILL_DONE, steps=(str(result.step),)) if result.done else _report(result)
+    return Decision(DecisionKind.CONTINUE, (said, Cause(Reason.EFFECTS_ASSUMED)), result.step.affects)
 
 
 def crashed(result: SkillResult) -> Decision | None:
     """A skill that raises is a bug, not a failure of the task."""
     if result.status is not SkillStatus.CRASHED:
         return None
-    return _stop(OutcomeKind.CRASHED, f"the skill for {result.step} crashed: {result.reason}")
+    cause = Cause(Reason.SKILL_CRASHED, steps=(str(result.step),), detail=result.reason)
+    return _stop(OutcomeKind.CRASHED, cause)
 
 
 def unplanned(no_plan: NoPlan, times: int, doubts: Doubts, settings: Settings) -> Decision:
     """The planner has no plan, for the `times`-th time in a row for this reason."""
-    detail = f": {no_plan.detail}" if no_plan.detail else ""
-    without = f" without {_listed(no_plan.without)}" if no_plan.without else ""
-    reason = f"the planner answers {no_plan.reason}{without}{detail}"
+    code = _NO_PLAN[no_plan.reason]
+    cause = Cause(code, steps=no_plan.without, detail=no_plan.detail)
     if no_plan.reason is not NoPlanReason.UNSOLVABLE:
         if times == 1:
-            return Decision(DecisionKind.REPLAN, f"{reason}; asking once more")
-        return _stop(OutcomeKind.NO_PLAN, f"{reason}, {times} times")
+            return Decision(DecisionKind.REPLAN, (cause, Cause(Reason.ASKED_AGAIN)))
+        return _stop(OutcomeKind.NO_PLAN, replace(cause, count=times))
     if not doubts.atoms:
-        return _stop(OutcomeKind.NO_PLAN, reason)
+        return _stop(OutcomeKind.NO_PLAN, cause)
     if times == 1:
-        doubted = "looking again at what is least certain, as what is believed may be wrong"
-        return Decision(DecisionKind.LOOK_AGAIN, f"{reason}; {doubted}", doubts.atoms)
+        return Decision(DecisionKind.LOOK_AGAIN, (cause, Cause(Reason.BELIEF_DOUBTED)), doubts.atoms)
     if doubts.unsure and times <= settings.max_looks_again:
-        return Decision(
-            DecisionKind.LOOK_AGAIN, f"{reason}, and {_listed(doubts.unsure)} could be surer", doubts.unsure
-        )
-    return Decision(DecisionKind.GIVE_UP_GOAL, reason)
+        return Decision(DecisionKind.LOOK_AGAIN, (cause, Cause(Reason.UNSURE, doubts.unsure)), doubts.unsure)
+    return Decision(DecisionKind.GIVE_UP_GOAL, (cause,))
 
 
 def optimistic(cause: Decision, found: OptimisticPlan) -> Decision:
     """`cause` calls for giving up goals, and there is a plan for all of them from a state that is possible."""
-    reason = f"{cause.reason}; before any of it is given up, it is tried as if {found.doubted} were so"
-    return Decision(DecisionKind.REPLAN, reason, (found.doubted,))
+    tried = Cause(Reason.OPTIMISTIC_PLAN, (found.doubted,))
+    return Decision(DecisionKind.REPLAN, (*cause.causes, tried), (found.doubted,))
 
 
 def goes_around(cause: Decision) -> Decision:
     """`cause` calls for giving up goals, as a step fails again and again, and there is a plan for all of them without
     that step."""
-    return Decision(DecisionKind.REPLAN, f"{cause.reason}; there is a plan that does without it", cause.evidence)
+    return Decision(DecisionKind.REPLAN, (*cause.causes, Cause(Reason.WAY_AROUND)), cause.evidence)
 
 
 def given_up(cause: Decision, goal: Condition, kept: Condition, is_stuck: bool) -> Decision:
@@ -213,13 +215,13 @@ def given_up(cause: Decision, goal: Condition, kept: Condition, is_stuck: bool) 
     they hang on a step that fails again and again."""
     dropped = goal.without(kept.conjuncts)
     if kept == ALWAYS:
-        reason = f"{cause.reason}; there is no other part of the goal to go for"
         outcome = OutcomeKind.GAVE_UP if is_stuck else OutcomeKind.NO_PLAN
-        return _stop(outcome, reason, cause.evidence or _atoms(goal))
+        nothing = Cause(Reason.NOTHING_REACHABLE)
+        return _stop(outcome, *cause.causes, nothing, evidence=cause.evidence or _atoms(goal))
     if dropped == ALWAYS:
-        return Decision(DecisionKind.REPLAN, f"{cause.reason}; yet there is a plan for the whole goal", cause.evidence)
-    reason = f"{cause.reason}; giving up {_conjuncts(dropped)}, going for {_conjuncts(kept)}"
-    return Decision(DecisionKind.GIVE_UP_GOAL, reason, _atoms(dropped))
+        return Decision(DecisionKind.REPLAN, (*cause.causes, Cause(Reason.WHOLE_GOAL_REACHABLE)), cause.evidence)
+    parts = Cause(Reason.GOAL_GIVEN_UP, literals=dropped.texts()), Cause(Reason.GOAL_KEPT, literals=kept.texts())
+    return Decision(DecisionKind.GIVE_UP_GOAL, (*cause.causes, *parts), _atoms(dropped))
 
 
 def finish(
@@ -238,37 +240,36 @@ def finish(
     once_more, many_more = checks <= min(1, settings.max_looks_again), checks <= settings.max_looks_again
     # What was given up is worth more looks than what holds: it may have come within reach and not be believed yet.
     if verdict.satisfied and unsure and (once_more or (gave_up and many_more)):
-        reason = f"{_listed(sorted(unsure))} could be surer"
-        return Decision(DecisionKind.LOOK_AGAIN, f"nothing is left to do, but {reason}", tuple(sorted(unsure)))
+        atoms = tuple(sorted(unsure))
+        return Decision(DecisionKind.LOOK_AGAIN, (Cause(Reason.GOAL_UNSURE, atoms),), atoms)
     if verdict.satisfied and not gave_up:
-        return _stop(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", _atoms(goal))
+        return _stop(OutcomeKind.GOAL_REACHED, Cause(Reason.GOAL_SEEN), evidence=_atoms(goal))
     if verdict.satisfied:
-        reason, named = "what was left of the goal is seen to hold", _atoms(dropped.goals)
-        back = _conjuncts(dropped.goals)
+        seen, literals, named = Cause(Reason.REST_OF_GOAL_SEEN), dropped.goals.texts(), _atoms(dropped.goals)
         if dropped.plan is not None:
-            return Decision(DecisionKind.REPLAN, f"{reason}; there is a plan for {back} now", named)
-        return _stop(OutcomeKind.PARTIAL, f"{reason}; {back} was given up: {dropped.why}", named)
+            return Decision(DecisionKind.REPLAN, (seen, Cause(Reason.REACHABLE_AGAIN, literals=literals)), named)
+        before_ = Cause(Reason.GIVEN_UP_BEFORE, literals=literals)
+        return _stop(OutcomeKind.PARTIAL, seen, before_, *dropped.why, evidence=named)
     wrong, unknown = tuple(sorted(verdict.violated)), tuple(sorted(verdict.unknown))
-    missing = _joined(
-        f"not seen as the goal has it: {_listed(wrong)}" if wrong else "",
-        f"cannot tell {_listed(unknown)}" if unknown else "",
-    )
+    missing = [Cause(Reason.GOAL_NOT_SEEN, wrong)] if wrong else [Cause(Reason.GOAL_UNKNOWN, unknown)]
+    if wrong and unknown:
+        missing.append(Cause(Reason.CANNOT_TELL, unknown))
     # One more look is enough to believe what is seen; what cannot be told is worth all of them.
     if once_more or (unknown and many_more):
-        return Decision(DecisionKind.LOOK_AGAIN, f"nothing is left to do, but {missing}", wrong + unknown)
+        return Decision(DecisionKind.LOOK_AGAIN, tuple(missing), wrong + unknown)
     if wrong:
-        return Decision(DecisionKind.REPLAN, f"nothing is left to do, but {missing}", wrong)
+        return Decision(DecisionKind.REPLAN, tuple(missing), wrong)
+    believed = Cause(Reason.GOAL_ONLY_BELIEVED, unknown, count=checks)
     if redo is not None:
-        reason = f"{missing} in {_looks(checks)}: done once more, as if {redo.instead}"
-        return Decision(DecisionKind.REPLAN, f"the goal is believed to hold, but {reason}", (redo.doubted,))
+        again = Cause(Reason.DONE_AGAIN, redo.instead)
+        return Decision(DecisionKind.REPLAN, (believed, again), (redo.doubted,))
     outcome = OutcomeKind.PARTIAL if verdict.holds else OutcomeKind.GAVE_UP
-    return _stop(outcome, f"the goal is believed to hold, but {missing} in {_looks(checks)}", unknown)
+    return _stop(outcome, believed, evidence=unknown)
 
 
 def finish_blind(goal: Condition) -> Decision:
     """Nothing is left to do for an executive that does not look: it believes what it assumed."""
-    reason = "the plan is carried out; nobody looked whether the goal holds"
-    return _stop(OutcomeKind.PLAN_COMPLETED, reason, _atoms(goal))
+    return _stop(OutcomeKind.PLAN_COMPLETED, Cause(Reason.NOBODY_LOOKED), evidence=_atoms(goal))
 
 
 def exhausted(settings: Settings, **used: float) -> Decision | None:
@@ -276,7 +277,7 @@ def exhausted(settings: Settings, **used: float) -> Decision | None:
     for what, count in used.items():
         limit = getattr(settings, f"max_{what}")
         if count >= limit:
-            return _stop(OutcomeKind.GAVE_UP, f"the budget of {limit:g} {what} is used up")
+            return _stop(OutcomeKind.GAVE_UP, Cause(Reason.BUDGET_SPENT, what=what, total=limit))
     return None
 
 
@@ -302,69 +303,50 @@ def largest_reachable(
     return goal.only(kept), best
 
 
-def _stop(outcome: OutcomeKind, reason: str, evidence: tuple[Atom, ...] = ()) -> Decision:
-    return Decision(DecisionKind.STOP, reason, evidence, outcome)
+_NO_PLAN = {
+    NoPlanReason.UNSOLVABLE: Reason.UNSOLVABLE,
+    NoPlanReason.TIMED_OUT: Reason.PLANNER_TIMED_OUT,
+    NoPlanReason.CRASHED: Reason.PLANNER_CRASHED,
+}
+
+
+def _stop(outcome: OutcomeKind, *causes: Cause, evidence: tuple[Atom, ...] = ()) -> Decision:
+    return Decision(DecisionKind.STOP, causes, evidence, outcome)
 
 
 def _fail(
-    reason: str, evidence: tuple[Atom, ...], failures: Failures, status: SkillStatus, settings: Settings
+    causes: tuple[Cause, ...], evidence: tuple[Atom, ...], failures: Failures, status: SkillStatus, settings: Settings
 ) -> Decision:
     """Plan anew, unless that has led here too often."""
     if not failures.too_many(status, settings):
-        return Decision(DecisionKind.REPLAN, reason, evidence)
-    here = failures.here >= settings.tolerated(status)
-    count, where = (failures.here, "from the same known facts") if here else (failures.ever, "by now")
-    times = "for the first time" if count == 1 else f"{count} times"
-    return Decision(DecisionKind.GIVE_UP_GOAL, f"{reason}; it came to this {times} {where}", evidence)
+        return Decision(DecisionKind.REPLAN, causes, evidence)
+    often = Cause(Reason.FAILED_TOO_OFTEN, count=failures.ever)
+    if failures.here >= settings.tolerated(status):
+        often = Cause(Reason.FAILED_WITH_SAME_FACTS, count=failures.here)
+    return Decision(DecisionKind.GIVE_UP_GOAL, (*causes, often), evidence)
 
 
-def _surprise(verdict: Verdict, expected: Facts) -> str:
-    missing = sorted(atom for atom in verdict.violated if expected[atom])
-    instead = sorted(atom for atom in verdict.violated if not expected[atom])
-    if missing:
-        seen = f"; seen instead: {_listed(instead)}" if instead else ""
-        return f"{_listed(missing)} not seen as expected{seen}"
-    return f"{_listed(instead)} seen, which was not expected" if instead else ""
+def _surprises(verdict: Verdict, expected: Facts) -> tuple[Cause, ...]:
+    missing = tuple(sorted(atom for atom in verdict.violated if expected[atom]))
+    instead = tuple(sorted(atom for atom in verdict.violated if not expected[atom]))
+    if not missing:
+        return (Cause(Reason.UNEXPECTED, instead),) if instead else ()
+    return (Cause(Reason.EFFECT_MISSING, missing), *((Cause(Reason.SEEN_INSTEAD, instead),) if instead else ()))
 
 
-def _unmet(atoms: Collection[Atom], wanted: Facts, verdict: Verdict) -> str:
-    def unmet(atom: Atom) -> str:
-        if atom in verdict.unknown:
-            return f"{atom} was never seen"
-        return f"{atom} does not hold" if wanted[atom] else f"{atom} holds"
-
-    return _listed([unmet(atom) for atom in atoms])
+def _doubts(ages: Mapping[Atom, int | None]) -> tuple[Cause, ...]:
+    return (Cause(Reason.CANNOT_TELL, tuple(ages), tuple(ages.values())),) if ages else ()
 
 
-def _report(result: SkillResult) -> str:
-    saved = result.planned_seconds - result.seconds
-    early = f" ({saved:.1f} s early)" if saved >= 0.05 else ""
-    return f"{result.step} reports {result.status}{f': {result.reason}' if result.reason else ''}{early}"
-
-
-def _aged(doubts: Mapping[Atom, int | None]) -> str:
-    def aged(atom: Atom, age: int | None) -> str:
-        return f"{atom} (never seen)" if age is None else f"{atom} (last seen {age} cycle{'s' * (age != 1)} ago)"
-
-    return _listed([aged(atom, age) for atom, age in doubts.items()])
-
-
-def _listed(things: Collection[object], most: int = 4) -> str:
-    shown = ", ".join(str(thing) for thing in list(things)[:most])
-    return f"{shown} and {len(things) - most} more" if len(things) > most else shown
-
-
-def _conjuncts(condition: Condition) -> str:
-    return _listed(condition.texts())
+def _report(result: SkillResult, seen_done: bool = False) -> Cause:
+    return Cause(
+        Reason.SKILL_FAILED_YET_SEEN if seen_done else Reason.SKILL_FAILED,
+        steps=(str(result.step),),
+        status=result.status,
+        seconds=max(0.0, result.planned_seconds - result.seconds),
+        detail=result.reason,
+    )
 
 
 def _atoms(condition: Condition) -> tuple[Atom, ...]:
     return tuple(sorted(condition.atoms))
-
-
-def _joined(*parts: str) -> str:
-    return "; ".join(part for part in parts if part)
-
-
-def _looks(count: int) -> str:
-    return "one look" if count == 1 else f"{count} looks"

@@ -20,6 +20,7 @@ from executive.types import (
     ALWAYS,
     Atom,
     Belief,
+    Cause,
     Condition,
     Decision,
     DecisionKind,
@@ -101,7 +102,7 @@ class RunState:
     looks: int = 0
     failures: Mapping[Step, Mapping[Facts, int]] = field(default_factory=lambda: MappingProxyType({}))
     stuck: Mapping[Step, Stuck] = field(default_factory=lambda: MappingProxyType({}))
-    given_up_why: str = ""
+    given_up_why: tuple[Cause, ...] = ()
     tried: tuple[Atom, ...] = ()
     since: Resumed | None = None
 
@@ -306,7 +307,7 @@ class RunState:
         judgement = replace(self.judgement, state=state)
         return replace(self, known=state, judgement=judgement, tried=(*self.tried, doubted))
 
-    def giving_up(self, why: str) -> RunState:
+    def giving_up(self, why: tuple[Cause, ...]) -> RunState:
         """Some of the goal is about to be left out of what is planned for."""
         return replace(self, given_up_why=why)
 
@@ -383,7 +384,7 @@ class RunState:
         goal, reached = self.task.goal, decision.outcome is OutcomeKind.GOAL_REACHED
         return Ended(
             decision.outcome,
-            decision.reason,
+            decision.causes,
             goal_seen=reached and self.moment.looks > 0 and self.holds(goal, self.seen),
             unreached=tuple(str(part) for part in goal.conjuncts if not self.holds(part, self.known)),
             cycles=self.cycle,

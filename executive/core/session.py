@@ -17,6 +17,7 @@ from executive.errors import ExecutiveError
 from executive.protocols import FaultSource, Preparing, Sink, Skill, SkillContext, World
 from executive.types import (
     COMPILE,
+    Cause,
     Decision,
     DecisionKind,
     Dispatched,
@@ -28,6 +29,7 @@ from executive.types import (
     Payload,
     Phase,
     Questions,
+    Reason,
     Resumed,
     SkillResult,
     SkillStatus,
@@ -35,8 +37,6 @@ from executive.types import (
     Timing,
 )
 from executive.util.timeout import undisturbed
-
-INTERRUPTED = "interrupted"
 
 log = logging.getLogger(__name__)
 
@@ -74,7 +74,8 @@ class Session:
         self._seed, self._faults, self._clock = seed, faults, clock or stopwatch()
         self.cycle = 0
         self._before, self._time, self._delivering = 0.0, 0.0, 0.0
-        self._cancelled, self._stage = "", "start"
+        self._cancelled: str | None = None
+        self._stage = "start"
         self._action = self._moves = 0
 
     @property
@@ -82,10 +83,10 @@ class Session:
         """How many wall seconds the run has taken so far, in all its processes together."""
         return self._before + self._clock()
 
-    def cancel(self, why: str = INTERRUPTED) -> None:
+    def cancel(self, why: str = "") -> None:
         """Have the current skill stop, and `check_cancelled` end the run. This sets a flag, so it is safe in any thread
         and signal handler."""
-        self._cancelled = self._cancelled or why
+        self._cancelled = why if self._cancelled is None else self._cancelled
 
     def check_cancelled(self) -> None:
         """End the run here if it was cancelled.
@@ -93,7 +94,7 @@ class Session:
         Raises:
             KeyboardInterrupt: cancelled.
         """
-        if self._cancelled:
+        if self._cancelled is not None:
             raise KeyboardInterrupt
 
     def open(self, first: Payload, questions: Questions | None = None) -> None:
@@ -156,16 +157,20 @@ class Session:
         try:
             return live(), None
         except KeyboardInterrupt:
-            return _stop(OutcomeKind.INTERRUPTED, self._cancelled or INTERRUPTED), None
+            return _stop(OutcomeKind.INTERRUPTED, Cause(Reason.INTERRUPTED, detail=self._cancelled or "")), None
         except ExecutiveError as error:
-            return _stop(OutcomeKind.CRASHED, f"{self._stage}: {error}"), error
+            return _stop(OutcomeKind.CRASHED, self._failed(str(error))), error
         except Exception as error:
             log.exception("the run crashed in stage %r", self._stage)
             at = traceback.extract_tb(error.__traceback__)[-1]
-            told = f"{self._stage}: {type(error).__name__}: {error} (in {at.name}, line {at.lineno})"
-            return _stop(OutcomeKind.CRASHED, told), None
+            told = f"{type(error).__name__}: {error} (in {at.name}, line {at.lineno})"
+            return _stop(OutcomeKind.CRASHED, self._failed(told)), None
         except BaseException as order:
-            return _stop(OutcomeKind.INTERRUPTED, f"{self._stage}: {type(order).__name__}"), order
+            cause = Cause(Reason.INTERRUPTED, what=self._stage, detail=type(order).__name__)
+            return _stop(OutcomeKind.INTERRUPTED, cause), order
+
+    def _failed(self, detail: str) -> Cause:
+        return Cause(Reason.STAGE_FAILED, what=self._stage, detail=detail)
 
     def dispatch(
         self,
@@ -192,7 +197,7 @@ class Session:
                     guard.on_phase(news)
 
         context = self._context((action,), announce, guard.lost if guard else str)
-        result = SkillResult(step, SkillStatus.CANCELLED, "interrupted")
+        result = SkillResult(step, SkillStatus.CANCELLED)
         try:
             with self.stage("skill"):
                 returned: object = skills[step.action](step, context)
@@ -227,7 +232,7 @@ class Session:
         self, key: tuple[int, ...], announce: Callable[[Phase | Motion], None], lost: Callable[[], str]
     ) -> SkillContext:
         rng = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
-        return SkillContext(self._world.handle, rng, announce, lambda: bool(self._cancelled), lost)
+        return SkillContext(self._world.handle, rng, announce, lambda: self._cancelled is not None, lost)
 
     def close(self, last: Ended, error: BaseException | None = None) -> Ended:
         """Stop the robot, deliver the last event, stamped with the time of the one before it, close all sinks, and
@@ -262,5 +267,5 @@ class Session:
         return True
 
 
-def _stop(outcome: OutcomeKind, reason: str) -> Decision:
-    return Decision(DecisionKind.STOP, reason, outcome=outcome)
+def _stop(outcome: OutcomeKind, cause: Cause) -> Decision:
+    return Decision(DecisionKind.STOP, (cause,), outcome=outcome)

@@ -12,7 +12,7 @@ from executive.app.monitors import open_monitor
 from executive.belief import Monitor, ThresholdMonitor, Thresholds
 from executive.errors import InputError
 from executive.replay.engine import Replay, replay
-from executive.replay.record import Record
+from executive.replay.record import Record, same_causes
 from executive.trace.record.log import read_events
 from executive.trace.record.monitor_file import described, load
 from executive.types import Decision
@@ -34,7 +34,8 @@ class Row(NamedTuple):
     @property
     def same(self) -> bool:
         """Whether they also give the same reason."""
-        return self.agree and self.recorded is not None and self.recorded.reason == getattr(self.replayed, "reason", "")
+        left, right = self.recorded, self.replayed
+        return self.agree and left is not None and right is not None and same_causes(left, right)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ from executive.core.run_state import RunState
 from executive.core.session import Session
 from executive.errors import ExecutiveError
 from executive.protocols import SkillContext
-from executive.replay.record import Action, Decided, Part, Record
+from executive.replay.record import Action, Decided, Part, Record, same_causes
 from executive.types import (
     Atom,
     Condition,
@@ -253,11 +253,10 @@ class _Clock:
 
     def __call__(self) -> float:
         settings, decisions = self._record.settings, self._record.decisions
-        out_of_time = exhausted(settings, seconds=settings.max_seconds)
         at_the_end = self._reel.is_over and len(self._made.decisions) == len(decisions) - 1
-        if at_the_end and out_of_time and decisions[-1].decision.reason == out_of_time.reason:
-            return settings.max_seconds
-        return 0.0
+        out_of_time = exhausted(settings, seconds=settings.max_seconds) if at_the_end else None
+        is_up = out_of_time is not None and same_causes(decisions[-1].decision, out_of_time)
+        return settings.max_seconds if is_up else 0.0
 
 
 def _resumed(record: Record, since: Resumed, monitor: Monitor) -> RunState:

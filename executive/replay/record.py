@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeAlias
 from executive.core.observer import Look
 from executive.core.settings import Settings
 from executive.errors import InputError
+from executive.trace.phrases import why
 from executive.trace.record.codec import decode
 from executive.types import (
     Belief,
@@ -24,6 +25,7 @@ from executive.types import (
     OutcomeKind,
     Plan,
     Probed,
+    Reason,
     Resumed,
     SkillResult,
     Started,
@@ -126,7 +128,14 @@ class Record:
             return "the run was killed here, or is still going on"
         if self.ended.outcome is OutcomeKind.INTERRUPTED:
             return "the run was interrupted here"
-        return f"the run crashed here: {self.ended.reason}"
+        return f"the run crashed here: {why(self.ended)}"
+
+
+def same_causes(recorded: Decision, other: Decision) -> bool:
+    """Whether both decisions have the same causes; a record from before there were codes has them in words."""
+    if recorded.code is Reason.RECORDED:
+        return why(recorded) == why(other)
+    return recorded.causes == other.causes
 
 
 def _settings(started: Started) -> Settings:

@@ -6,7 +6,7 @@ probability for each atom after a look, a *verdict* is the result of comparing a
 
 from executive.types.actions import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
 from executive.types.conditions import ALWAYS, NEVER, Condition, DerivedRules
-from executive.types.decisions import Decision, DecisionKind, Ground, OutcomeKind
+from executive.types.decisions import Cause, Decision, DecisionKind, Ground, OutcomeKind, Reason
 from executive.types.events import Compared, Ended, Event, FaultInjected, Payload, Resumed, Revised, Started, Timing
 from executive.types.facts import Atom, DepthImage, Facts, FloatArray, Image
 from executive.types.observations import (
@@ -35,6 +35,7 @@ __all__ = [
     "Belief",
     "Blinded",
     "Camera",
+    "Cause",
     "Compared",
     "Condition",
     "Contradiction",
@@ -70,6 +71,7 @@ __all__ = [
     "Plan",
     "Probed",
     "Questions",
+    "Reason",
     "Remembered",
     "Resumed",
     "Revised",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from executive.types.actions import Dispatched, Motion, Moved, Phase, SkillResult
-from executive.types.decisions import Decision, OutcomeKind
+from executive.types.decisions import Cause, Caused, Decision, OutcomeKind
 from executive.types.facts import Facts
 from executive.types.observations import Belief, Blinded, Guarded, Judged, Looked, Observation, Questions, Verdict
 from executive.types.scenes import Frame, Scenery
@@ -83,12 +83,12 @@ class Timing:
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
-    """The run has ended. `goal_seen` is the executive's claim, not ground truth. `looks` counts those that decisions
-    were based on; the hold guard's are not included."""
+class Ended(Caused):
+    """The run has ended, for the causes of the last decision. `goal_seen` is the executive's claim, not ground truth.
+    `looks` counts those that decisions were based on; the hold guard's are not included."""
 
     outcome: OutcomeKind
-    reason: str
+    causes: tuple[Cause, ...]
     goal_seen: bool
     unreached: tuple[str, ...]
     cycles: int

@@ -6,22 +6,18 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from executive.core.compare import remaining
+from executive.trace.story.story import Story
 from executive.types import (
     Blinded,
     Compared,
     Decision,
     DecisionKind,
-    Dispatched,
     Event,
     Facts,
     FaultInjected,
     Guarded,
     NoPlan,
-    Plan,
     SkillResult,
-    Started,
-    Step,
-    Task,
 )
 
 UNSEEN = ("estimator",)
@@ -71,19 +67,12 @@ class Scorer:
     def __init__(self, truth: Callable[[], Facts], looks: bool, own: Collection[str] = ()) -> None:
         self._truth, self._looks, self._own = truth, looks, frozenset(own)
         self._last: tuple[Compared, Facts] | None = None
-        self._task: Task | None = None
-        self._left = tuple[Step, ...]()
-        self._plan: tuple[Step, ...] | None = None
+        self._story = Story()
         self.tally = Tally()
 
     def write(self, event: Event) -> None:
+        self._story.tell(event)
         match event.payload:
-            case Started(task=task):
-                self._task = task
-            case Plan(steps=steps):
-                self._plan = self._left = steps
-            case Dispatched(index=index) if self._plan is not None:
-                self._left = self._plan[index + 1 :]
             case FaultInjected() as fault if fault.spec not in self._own:
                 self.tally.strikes.append(Strike(fault.kind, fault.spec, fault.action, round(event.time, 6)))
             case SkillResult() as result if not result.done:
@@ -100,9 +89,10 @@ class Scorer:
                 if self._last is not None:
                     self._count(*self._last)
                     self._last = None
-                if kind is DecisionKind.REPLAN and self._plan is not None and self._task is not None:
-                    goal, rules = self._task.goal, self._task.derived
-                    self.tally.needless += remaining(self._left, self._truth(), goal, rules) is not None
+                started = self._story.started
+                if kind is DecisionKind.REPLAN and started is not None and self._story.plan is not None:
+                    rest = remaining(self._story.left, self._truth(), started.task.goal, started.task.derived)
+                    self.tally.needless += rest is not None
 
     def close(self) -> None:
         pass

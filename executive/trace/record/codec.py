@@ -18,7 +18,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from executive import types as values
-from executive.types import ALWAYS, Atom, Condition, Effect, Facts, Step
+from executive.types import ALWAYS, Atom, Cause, Condition, Effect, Facts, Step
 from executive.util.files import legible
 
 JsonValue = Any
@@ -63,9 +63,16 @@ def encode(value: Any) -> JsonValue:
             return sorted((encode(item) for item in value), key=str)
         case list() | tuple():
             return [encode(item) for item in value]
+    if isinstance(value, Cause):  # most codes have one parameter, or none
+        given = {field.name: getattr(value, field.name) for field in fields(value)}
+        return {name: encode(each) for name, each in given.items() if each != _CAUSE.get(name)}
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: encode(getattr(value, field.name)) for field in fields(value)}
     return str(value)
+
+
+_CAUSE = {field.name: field.default for field in fields(Cause)}
+"""The parameters of a cause that says nothing but its code."""
 
 
 def decode(hint: Any, data: JsonValue) -> Any:

@@ -6,6 +6,9 @@ before the next event is looked at, so that killing the process (even with SIGKI
 lines that a decision hangs on also survive a power cut. A last line without its newline was cut off by a kill and is
 not part of the record.
 
+A decision and the end have their reasons as codes with parameters (`causes`) and in words (`reason`). Records from
+before there were codes have the words alone, and are read with the code `recorded`.
+
 What only pleases the eye (`Scenery`, `Frame`) is not recorded here, and of a motion at most `MOTION_POINTS` points.
 """
 
@@ -25,6 +28,7 @@ from urllib.parse import quote
 import numpy as np
 
 from executive.errors import InputError, nearest
+from executive.trace import phrases
 from executive.trace.record.codec import RECORDED, JsonValue, decode, encode
 from executive.trace.record.pictures import depth_to_png, read_depth, read_picture, to_jpeg
 from executive.types import (
@@ -36,10 +40,11 @@ from executive.types import (
     Motion,
     Observation,
     OutcomeKind,
+    Reason,
     Resumed,
     Started,
 )
-from executive.util.files import parse_json, reason
+from executive.util.files import legible, parse_json, reason
 
 FORMAT = 1
 EVENTS_FILE = "events.jsonl"
@@ -123,6 +128,8 @@ class EventLog:
             data = self._without_pictures(payload)
         else:
             data = encode(payload)
+        if isinstance(payload, Decision | Ended):
+            data["reason"] = legible(phrases.why(payload))  # for who reads the file; a reader goes by the causes
         stamps = {stamp: encode(getattr(event, stamp)) for stamp in _STAMPS}
         record = {"v": FORMAT, "type": type(payload).__name__, **stamps, "data": data}
         self._append(json.dumps(record, allow_nan=False) + "\n")
@@ -226,6 +233,8 @@ def _event(line: bytes, folder: Path, images: bool) -> Event:
             pictures = _pictures("images", data.get("images", {}), IMAGES_FOLDER, folder, read_picture)
             depth = _pictures("depth", data.get("depth", {}), DEPTH_FOLDER, folder, read_depth)
         data = {**data, "images": {}, "depth": {}}
+    if kind in (Decision, Ended) and isinstance(data, dict) and "causes" not in data:
+        data = {**data, "causes": _in_words(data)}
     payload = decode(kind, data)
     if pictures or depth:
         payload = replace(payload, images=pictures, depth=depth)
@@ -242,6 +251,14 @@ def _renamed(event: Event) -> Event:
     if isinstance(payload, Decision | Ended) and payload.outcome is OutcomeKind.GOAL_REACHED:
         return replace(event, payload=replace(payload, outcome=OutcomeKind.PLAN_COMPLETED))
     return event
+
+
+def _in_words(data: Mapping[str, JsonValue]) -> JsonValue:
+    """The causes where there are no codes."""
+    try:
+        return [{"code": Reason.RECORDED.value, "detail": decode(str, data.get("reason"))}]
+    except ValueError as error:
+        raise ValueError(f"reason: {error}") from None
 
 
 def _record(line: bytes) -> dict[str, Any]:

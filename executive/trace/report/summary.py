@@ -8,22 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO, TypedDict
 
+from executive.trace.phrases import counts, plural, why
 from executive.trace.record.log import picture_name
+from executive.trace.story.costs import STAGES
 from executive.trace.story.story import Story
 from executive.trace.terminal.view import outcome_style
-from executive.types import (
-    COMPILE,
-    Decision,
-    DecisionKind,
-    Event,
-    Looked,
-    LookKind,
-    Motion,
-    Moved,
-    OutcomeKind,
-    Started,
-    Timing,
-)
+from executive.types import DecisionKind, Event, OutcomeKind
 from executive.util.atomic_write import write_atomic
 
 if TYPE_CHECKING:
@@ -31,10 +21,6 @@ if TYPE_CHECKING:
 
 SUMMARY_FILE = "summary.json"
 _LABEL = 10
-STAGES = ("observe", "estimate", "plan", "motion", "guard", "skill", COMPILE, "other")
-"""Where wall time goes: looking, estimating atoms, planning the task, planning motions, looking after what is carried,
-the rest of the skills (in a simulator, its physics), compiling what they need (once on a machine), and all else
-(start-up, decisions, sinks)."""
 
 
 class Fault(TypedDict):
@@ -99,38 +85,9 @@ class Collector:
 
     def __init__(self) -> None:
         self._story = Story()
-        self._stages = dict.fromkeys(STAGES, 0.0)
-        self._began: Event | None = None
-        self._last: Event | None = None
-        self._looking = Looks(total=0, again=0, questions=0, moves=0, moving_seconds=0.0, glances=0)
-        self._given_up: dict[str, list[Decision]] = {}
 
     def write(self, event: Event) -> None:
         self._story.tell(event)
-        self._last = event
-        match event.payload:
-            case Started():
-                self._began = event
-            case Timing(stage=stage, seconds=seconds):
-                self._stages[stage if stage in self._stages else "other"] += seconds
-                if stage == "guard":
-                    self._stages["skill"] -= seconds  # it looks while the skill is at work
-            case Motion(planning_seconds=seconds):
-                self._stages["motion"] += seconds
-                self._stages["skill"] -= seconds  # which is where the motion was planned, and its timing will say so
-            case Looked(kind=LookKind.GUARD):
-                self._looking["glances"] += 1
-            case Looked(questions=questions):
-                self._looking["total"] += 1
-                self._looking["questions"] += questions
-            case Moved(seconds=seconds) if seconds > 0.0:
-                self._looking["moves"] += 1
-                self._looking["moving_seconds"] += seconds
-            case Decision(kind=DecisionKind.LOOK_AGAIN):
-                self._looking["again"] += 1
-            case Decision(kind=DecisionKind.GIVE_UP_GOAL | DecisionKind.STOP, evidence=evidence) as decision:
-                for atom in evidence:
-                    self._given_up.setdefault(str(atom), []).append(decision)
 
     def recall(self, event: Event) -> None:
         """Take in what an earlier process of this run recorded."""
@@ -148,10 +105,11 @@ class Collector:
         Raises:
             ValueError: the run's start is not among them either.
         """
-        story, began, last = self._story, self._began, self._last
-        if story.started is None or began is None or last is None:
+        story = self._story
+        started, ended, began, latest, costs = story.started, story.ended, story.began, story.latest, story.costs
+        if started is None or began is None or latest is None:
             raise ValueError("these events are no run: none of them starts it")
-        started, ended = story.started, story.ended
+        unreached = ended.unreached if ended else story.unreached()
         return Summary(
             run=started.run,
             domain=started.domain,
@@ -161,34 +119,41 @@ class Collector:
             outcome=str(ended.outcome if ended else OutcomeKind.CRASHED),
             goal_seen=ended.goal_seen if ended else False,
             goal_true=goal_true,
-            unreached=list(ended.unreached if ended else story.unreached()),
-            given_up=list(self._lost(ended.unreached if ended else story.unreached())),
+            unreached=list(unreached),
+            given_up=list(_given_up(story, unreached)),
             cycles=ended.cycles if ended else story.cycle,
             actions=ended.actions if ended else story.actions,
             replans=ended.replans if ended else story.replans,
             looks=ended.looks if ended else story.looks,
-            looking=Looks(**{**self._looking, "moving_seconds": round(self._looking["moving_seconds"], 3)}),
+            looking=Looks(
+                total=costs.looks,
+                again=costs.again,
+                questions=costs.questions,
+                moves=costs.moves,
+                moving_seconds=round(costs.moving_seconds, 3),
+                glances=costs.glances,
+            ),
             faults=[
                 Fault(kind=fault.kind, spec=fault.spec, action=fault.action, time=event.time, detail=fault.detail)
                 for event, fault in story.faults
             ],
-            sim_seconds=round(last.time - began.time, 3),
-            wall_seconds=self._wall_seconds(last.wall),
+            sim_seconds=round(latest.time - began.time, 3),
+            wall_seconds=costs.wall_seconds(latest.wall),
         )
 
-    def _lost(self, unreached: Sequence[str]) -> Iterator[GivenUp]:
-        """What was given up and not reached after all: why, and as it was seen last."""
-        for literal in unreached:
-            name = literal.removeprefix("not ")
-            if decisions := self._given_up.get(name):
-                grounds = [ground for ground in decisions[-1].grounds if str(ground.atom) == name]
-                pictures = [picture_name(g.observation_id, camera) for g in grounds for camera in g.cameras]
-                yield GivenUp(goal=literal, why=decisions[0].reason, pictures=pictures)
 
-    def _wall_seconds(self, total: float) -> dict[str, float]:
-        stages = {stage: max(0.0, seconds) for stage, seconds in self._stages.items()}
-        stages["other"] = max(0.0, total - sum(stages.values()) + stages["other"])
-        return {"total": round(total, 3), **{stage: round(seconds, 3) for stage, seconds in stages.items()}}
+def _given_up(story: Story, unreached: Sequence[str]) -> Iterator[GivenUp]:
+    """What was given up and not reached after all: why, and as it was seen last."""
+    ends = (DecisionKind.GIVE_UP_GOAL, DecisionKind.STOP)
+    for literal in unreached:
+        name = literal.removeprefix("not ")
+        decisions = [
+            decision for _, decision in story.decisions if decision.kind in ends and name in map(str, decision.evidence)
+        ]
+        if decisions:
+            grounds = [ground for ground in decisions[-1].grounds if str(ground.atom) == name]
+            pictures = [picture_name(g.observation_id, camera) for g in grounds for camera in g.cameras]
+            yield GivenUp(goal=literal, why=why(decisions[0]), pictures=pictures)
 
 
 def summarise(events: Iterable[Event], goal_true: bool | None = None) -> Summary:
@@ -272,27 +237,19 @@ def _said(value: bool | None) -> str:
 
 
 def _counts(summary: Summary) -> str:
-    parts = [
-        _plural(summary["actions"], "action"),
-        _plural(summary["replans"], "replan"),
-        _plural(summary["looks"], "look"),
-    ]
-    return f"{', '.join(parts)} in {_plural(summary['cycles'], 'cycle')}"
+    counted = counts(action=summary["actions"], replan=summary["replans"], look=summary["looks"])
+    return f"{counted} in {plural(summary['cycles'], 'cycle')}"
 
 
 def _looking(looks: Looks) -> str:
     parts = [f"{looks['questions'] / looks['total']:.0f} questions a look"]
     if looks["again"]:
-        parts.append(f"{_plural(looks['again'], 'look')} again at what was in doubt")
+        parts.append(f"{plural(looks['again'], 'look')} again at what was in doubt")
     if looks["moves"]:
         parts.append(f"{looks['moving_seconds']:.1f} s to clear the view")
     if looks["glances"]:
-        parts.append(f"{_plural(looks['glances'], 'glance')} at what was carried")
+        parts.append(f"{plural(looks['glances'], 'glance')} at what was carried")
     return ", ".join(parts)
-
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _fault(fault: Fault) -> str:

@@ -33,7 +33,8 @@ class Change:
 @dataclass(frozen=True, slots=True)
 class LookLine:
     """One look. `cameras` are those that took part; of `atoms` atoms it asked about `questions`; `answers` are what it
-    was told, and `blinded` the cameras that were left out, each with the reason."""
+    was told, `unanswered` what it was not, with the estimator's `errors`, and `blinded` the cameras that were left out,
+    each with the reason."""
 
     id: int
     cause: str = ""
@@ -42,6 +43,8 @@ class LookLine:
     questions: int = 0
     atoms: int = 0
     answers: Mapping[Atom, float] = field(default_factory=dict)
+    unanswered: frozenset[Atom] = frozenset()
+    errors: tuple[str, ...] = ()
     changes: tuple[Change, ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
     overruled: tuple[Overruled, ...] = ()
@@ -59,16 +62,26 @@ class Looks:
         """The last look, glances among them, that each camera took part in."""
         self.blinded: Mapping[str, str] = {}
         self.remembered: Mapping[Atom, Remembered] = {}
+        self.probability: Mapping[Atom, float] = {}
+        """What is made of each atom, whether the last look told it or not."""
+        self.observations = 0
+        """The number of the observation that comes next."""
         self._open = LookLine(-1)
         self._previous: LookLine | None = None
         self._truth: dict[Atom, bool] = {}
         self._before: dict[Atom, bool] = {}
+
+    @property
+    def latest(self) -> LookLine:
+        """The look that was taken last, a glance or not, as far as it is known."""
+        return self._open
 
     def tell(self, event: Event) -> None:
         """Take in the next event, whatever it is."""
         match event.payload:
             case Observation(id=number, cause=cause, images=images):
                 self._begin(LookLine(number, cause, cameras=tuple(images)))
+                self.observations = max(self.observations, number + 1)
                 self.blinded = {camera: why for camera, why in self.blinded.items() if camera not in images}
             case Blinded(camera=camera, reason=reason):
                 self._open = replace(self._open, blinded={**self._open.blinded, camera: reason})
@@ -89,7 +102,15 @@ class Looks:
             self._begin(LookLine(belief.observation_id))
         now: dict[Atom, bool | None] = {atom: belief.truth(atom) for atom in belief.probability}
         now |= dict.fromkeys(belief.unanswered)
-        self._open = replace(self._open, answers=belief.probability, questions=len(now))
+        errors = (answer.error for answers in belief.evidence.values() for answer in answers if answer.error)
+        self._open = replace(
+            self._open,
+            answers=belief.probability,
+            unanswered=belief.unanswered,
+            errors=tuple(dict.fromkeys(errors)),
+            questions=len(now),
+        )
+        self.probability = {**self.probability, **belief.probability}
         self._learn(now, belief.probability)
 
     def _account(self, looked: Looked) -> None:
@@ -98,12 +119,13 @@ class Looks:
         )
         self.seen_in |= dict.fromkeys(looked.cameras, looked.observation_id)
         if looked.kind is LookKind.GUARD:
-            self._truth, self.last, self.glance = dict(self._before), self._previous, replace(line, changes=())
+            self._open = self.glance = replace(line, changes=())
+            self._truth, self.last = dict(self._before), self._previous
         else:
             self._open = self.last = line
 
     def _judge(self, judged: Judged) -> None:
-        self.remembered = judged.remembered
+        self.remembered, self.probability = judged.remembered, judged.probability
         self._open = replace(self._open, contradictions=judged.contradictions, overruled=judged.overruled)
         self._truth = {atom: kept.value for atom, kept in judged.remembered.items()}
         self._learn(dict(judged.seen), judged.probability)

@@ -1,4 +1,4 @@
-"""What has happened so far, as a person would tell it: folded from the events one by one, drawn by every view.
+"""What has happened so far: the one fold over a run's events, which terminal, viewer, reports and scores are made from.
 
 Nothing here is asked by whoever decides. The plan's marks follow from the events alone: a step is current from its
 dispatch on, failed when its skill or a look says so, done when its effects were seen (or, for an executive that does
@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
 
+from executive.trace.story.costs import Costs
 from executive.trace.story.last_look import Looks
 from executive.types import (
     COMPILE,
@@ -58,7 +59,8 @@ class Mark(StrEnum):
 
 @dataclass
 class StepLine:
-    """A step of a plan, how it stands, which action of the run it was, and what went wrong."""
+    """A step of a plan, how it stands, which action of the run it was, and what went wrong: the status that its skill
+    reports, a literal that is seen instead, or the run's outcome."""
 
     step: Step
     mark: Mark = Mark.PENDING
@@ -66,6 +68,8 @@ class StepLine:
     attempt: int = 0
     result: SkillResult | None = None
     note: str = ""
+    cut_off: bool = False
+    """The process ended while the skill was at work."""
     remarks: list[Remark] = field(default_factory=list)
 
 
@@ -101,6 +105,9 @@ class AtomLine:
 class Story:
     """The state of a run as a watcher knows it. Feed every event to `tell`, in order."""
 
+    began: Event | None = None
+    """The event that starts the run; `latest` is the last one so far."""
+    latest: Event | None = None
     started: Started | None = None
     ended: Ended | None = None
     plans: list[PlanLine] = field(default_factory=list)
@@ -122,7 +129,11 @@ class Story:
     """Those that decisions are made on; `glances` are the guard's."""
     glances: int = 0
     seeing: Looks = field(default_factory=Looks)
+    costs: Costs = field(default_factory=Costs)
+    left: tuple[Step, ...] = ()
+    """The steps of the plan that come after the one that was dispatched last."""
     _current: StepLine | None = None
+    _cycle: list[Event] = field(default_factory=list)
 
     @property
     def plan(self) -> PlanLine | None:
@@ -169,17 +180,25 @@ class Story:
         return total - len(self.unreached()), total
 
     @property
-    def goal_told(self) -> str:
-        """The same in words."""
-        return "goal {} of {}".format(*self.goal_count) + " assumed" * self.is_blind if self.goal_count else ""
+    def is_routine(self) -> bool:
+        """Whether all that happened in this cycle is one step, done and seen to be done."""
+        payloads = [event.payload for event in self._cycle]
+        decisions = [each.kind for each in payloads if isinstance(each, Decision)]
+        results = [each.done for each in payloads if isinstance(each, SkillResult)]
+        return decisions == [DecisionKind.CONTINUE] and results == [True] and not any(map(_is_news, payloads))
 
     def tell(self, event: Event) -> None:
         """Take in the next event."""
-        self.cycle, self.time = event.cycle, event.time
+        if event.cycle != self.cycle:
+            self._cycle.clear()
+        if isinstance(event.payload, _TELLING):
+            self._cycle.append(event)
+        self.cycle, self.time, self.latest = event.cycle, event.time, event
         self.seeing.tell(event)
+        self.costs.tell(event)
         match event.payload:
             case Started() as started:
-                self.started = started
+                self.started, self.began = started, event
             case Resumed() as resumed:
                 self._resume(resumed)
             case Observation():
@@ -244,14 +263,14 @@ class Story:
         """What was at work when the process ended was cut off."""
         self.ended, self.phase = None, ""
         if self._current is not None and self._current.mark is Mark.CURRENT:
-            self._current.mark, self._current.note = Mark.FAILED, "cut off"
+            self._current.mark, self._current.cut_off = Mark.FAILED, True
         self._remark(resumed)
 
     def _replace(self, plan: Plan) -> None:
         if self.plans:
             self._drop_rest()
         self.plans.append(PlanLine(len(self.plans) + 1, [StepLine(step) for step in plan.steps], plan))
-        self.no_plan, self.phase = None, "plan"
+        self.no_plan, self.phase, self.left = None, "plan", plan.steps
 
     def _drop_rest(self) -> None:
         for line in self.plans[-1].lines:
@@ -270,7 +289,9 @@ class Story:
             self._current = lines[dispatched.index]
         else:
             self._current = StepLine(dispatched.step)
-        self._current.mark, self._current.result, self._current.note = Mark.CURRENT, None, ""
+        self._current.mark, self._current.result = Mark.CURRENT, None
+        self._current.note, self._current.cut_off = "", False
+        self.left = tuple(line.step for line in lines[dispatched.index + 1 :])
         self._current.action, self._current.attempt = dispatched.action, dispatched.attempt
         self.phase = ""
 
@@ -291,7 +312,7 @@ class Story:
             line.mark = Mark.FAILED
             line.note = line.note or f"{'not ' * compared.expected[wrong[0]]}{wrong[0]}"
         elif not compared.verdict.unknown & frozenset(line.step.affects):
-            line.mark, line.note = Mark.DONE, ""  # whatever its skill says: it is seen to be done
+            line.mark, line.note, line.cut_off = Mark.DONE, "", False  # whatever its skill says: it is seen to be done
 
     def _subject(self, compared: Compared) -> Step | None:
         """The step that a comparison is about."""
@@ -334,3 +355,20 @@ class Story:
 def _is_of(expected: Facts, condition: Condition) -> bool:
     """Whether these may be the literals by which a condition was judged."""
     return expected == condition.literals or (bool(condition.choices) and condition.atoms.issuperset(expected))
+
+
+_TELLING = (Blinded, Compared, Decision, FaultInjected, Guarded, Judged, Moved, NoPlan, Plan, SkillResult)
+
+
+def _is_news(payload: object) -> bool:
+    """Whether an event is out of the ordinary."""
+    match payload:
+        case FaultInjected() | Blinded() | Moved() | Plan() | NoPlan():
+            return True
+        case Compared(verdict=verdict):
+            return not verdict.satisfied
+        case Guarded(held=held):
+            return held is False
+        case Judged(contradictions=contradictions, overruled=overruled):
+            return bool(contradictions or overruled)
+    return False

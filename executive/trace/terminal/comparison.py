@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, TextIO
 
+from executive.trace import phrases
 from executive.trace.terminal.console import console_for, printable
-from executive.types import Decision, Ground
+from executive.types import Decision
 
 _PIPE = 160
 """Characters of a line where there is no terminal."""
@@ -47,13 +48,7 @@ def print_pairs(pairs: Sequence[Pair], heads: tuple[str, str], stream: TextIO) -
 def _told(decision: Decision | None, why: bool) -> str:
     if decision is None:
         return "-"
-    lines = [f"{decision.kind}: {printable(decision.reason)}"]
-    lines += [f"  {_ground(ground)}" for ground in decision.grounds[:_ATOMS]] if why else []
+    lines = [printable(phrases.event(decision))]
+    lines += [f"  {phrases.ground(ground)}" for ground in decision.grounds[:_ATOMS]] if why else []
     left = len(decision.grounds) - _ATOMS
     return "\n".join([*lines, f"  and {left} more atoms"] if why and left > 0 else lines)
-
-
-def _ground(ground: Ground) -> str:
-    truth = {True: "true", False: "false", None: "unknown"}[ground.believed]
-    probability = "" if ground.probability is None else f", P {ground.probability:.2f}"
-    return f"{ground.atom}: {truth}{probability}"

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.text import Text
 
+from executive.trace import phrases
+from executive.trace.phrases import plural
 from executive.trace.story.story import Mark, PlanLine, Remark, Standing, StepLine, Story
 from executive.trace.terminal.console import printable
 from executive.types import (
@@ -26,14 +28,13 @@ from executive.types import (
     NoPlan,
     Observation,
     OutcomeKind,
+    Payload,
     Phase,
     Plan,
     Questions,
     Resumed,
     SkillResult,
-    SkillStatus,
     Started,
-    Step,
 )
 
 _MARKS = {
@@ -45,12 +46,16 @@ _MARKS = {
     Mark.DROPPED: ("-", "dim"),
 }
 _STANDINGS = {Standing.SURPRISE: ("✗", "red"), Standing.DOUBT: ("?", "yellow"), Standing.EXPECTED: ("✓", "green")}
+_STYLES: Sequence[tuple[type | tuple[type, ...], str]] = (
+    (Dispatched, "bold"),
+    (FaultInjected, "magenta"),
+    (NoPlan, "red"),
+    ((Questions, Contradiction, Guarded, Blinded), "yellow"),
+    ((Phase, Resumed), "cyan"),
+    (Moved, "dim"),
+)
 _ATOMS, _REMARKS = 5, 4
 """How many atoms and how many remarks the live view shows."""
-
-
-def spoken(step: Step) -> str:
-    return " ".join((step.action, *step.args))
 
 
 def dashboard(story: Story, width: int, height: int) -> list[Text]:
@@ -84,73 +89,51 @@ def story_lines(story: Story, width: int) -> list[Text]:
                 lines += _wrapped(_remark(remark), width, "      ")
         dropped = sum(line.mark is Mark.DROPPED for line in plan.lines)
         if dropped:
-            lines.append(Text(f"  - {dropped} {'step' if dropped == 1 else 'steps'} left undone", "dim"))
+            lines.append(Text(f"  - {plural(dropped, 'step')} left undone", "dim"))
     if story.ended is not None:
-        reason = Text(story.ended.reason, outcome_style(story.ended.outcome))
+        reason = Text(phrases.why(story.ended), outcome_style(story.ended.outcome))
         lines += _wrapped(reason, width, "")
     return [_one_line(line) for line in lines]
 
 
 def event_line(event: Event, story: Story) -> Text | None:
     """One line about an event, for logs and pipes; None for what is not worth one. `story` has been told of it."""
-    payload = event.payload
-    text = Text()
+    text = _event_text(event.payload, story)
+    return None if text is None else Text(f"{event.time:7.1f} s  ", "dim") + _one_line(text)
+
+
+def _event_text(payload: Payload, story: Story) -> Text | None:
     match payload:
         case Started():
-            text = _title(story)
-        case Questions() if payload.warnings:
-            more = f" (and {len(payload.warnings) - 1} more)" if len(payload.warnings) > 1 else ""
-            text.append(f"questions, {payload.translator}: {payload.warnings[0]}{more}", "yellow")
-        case Phase(name=name, detail=detail) if name == COMPILE:
-            text.append(f"compiling {detail}", "cyan")
-        case Observation() if not story.at_work:  # what the guard sees is told when there is something to it
-            text.append(f"look {payload.id}: {payload.cause}" if payload.cause else f"look {payload.id}")
+            return _title(story)
+        case Observation(id=number, cause=cause) if not story.at_work:  # a glance is told when there is something to it
+            return Text(phrases.look(number, cause))
         case Plan():
-            steps = ", ".join(spoken(step) for step in payload.steps)
-            text.append(f"{_plan_title(story.plans[-1])}: {steps}")
-        case NoPlan() | FaultInjected() | Blinded() | Moved() | Resumed():
-            text = _remark(payload)
-        case Guarded(held=False):
-            text = _remark(payload)
-        case Judged() if payload.contradictions:
-            text = Text("; ").join(map(_remark, payload.contradictions))
-        case Dispatched():
-            attempt = f" (attempt {payload.attempt})" if payload.attempt > 1 else ""
-            text.append(f"action {payload.action}: {spoken(payload.step)}{attempt}", "bold")
-        case SkillResult():
-            text.append(f"skill: {payload.status}{f', {payload.reason}' if payload.reason else ''}")
-            text.stylize("green" if payload.done else "red")
+            return Text(phrases.plan(payload, story.plans[-1].number))
+        case Judged(contradictions=contradictions) if contradictions:
+            return Text("; ").join(map(_remark, contradictions))
         case Compared() if payload.what != "preconditions" or not payload.verdict.satisfied:
-            text = _comparison(story, payload)
-        case Decision() if payload.kind is not DecisionKind.STOP:  # the end says the same
-            text = _remark(payload)
-        case Ended():
-            text.append(f"{payload.outcome}: {payload.reason}", outcome_style(payload.outcome))
-        case _:
+            return _comparison(story, payload)
+        case Questions(warnings=()) | Guarded(held=True | None) | Decision(kind=DecisionKind.STOP):
+            return None  # nothing that matters; the end says what the last decision says
+        case Phase(name=name) if name != COMPILE:
             return None
-    return Text(f"{event.time:7.1f} s  ", "dim") + _one_line(text)
+    return _remark(payload) if type(payload) in phrases.EVENTS else None
 
 
 def _title(story: Story) -> Text:
-    if story.started is None:
-        return Text("")
-    started = story.started
-    text = Text(f"{started.domain}: {started.task.problem}", "bold")
-    text.append(f", seed {started.seed}, estimator {started.estimator}", "not bold")
-    return text
+    return Text("" if story.started is None else phrases.event(story.started), "bold")
 
 
 def _plan_title(plan: PlanLine) -> str:
-    count = len(plan.lines)
-    return f"plan {plan.number}, {count} {'step' if count == 1 else 'steps'}"
+    return phrases.plan_title(plan.number, len(plan.lines))
 
 
 def _plan_lines(story: Story, room: int) -> list[Text]:
     """The plan in at most `room` lines: the steps around the current one where there are more."""
     plan = story.plan
     if plan is None:
-        doing = f"compiling {story.compiling}" if story.compiling else "looking at the world"
-        return [Text("planning" if story.probability else doing, "cyan")]
+        return [Text(phrases.opening(story.compiling, planning=bool(story.probability)), "cyan")]
     room -= 1
     lines, first = plan.lines, 0
     if len(lines) > room:
@@ -165,11 +148,11 @@ def _plan_lines(story: Story, room: int) -> list[Text]:
 
 def _step(line: StepLine, phase: str = "") -> Text:
     mark, style = _MARKS[line.mark]
-    text = Text("  ").append(f"{mark} {spoken(line.step)}", style)
+    text = Text("  ").append(f"{mark} {phrases.step(line.step)}", style)
     if line.attempt > 1:
         text.append(f", attempt {line.attempt}", "yellow")
-    if line.note:
-        text.append(f": {line.note}", "red")
+    if note := phrases.note(line.note, line.cut_off):
+        text.append(f": {note}", "red")
     if phase:
         text.append(f"  {phase}", "dim cyan")
     if line.mark is Mark.SKIPPED:
@@ -182,36 +165,32 @@ def _atom_lines(story: Story) -> list[Text]:
     compared = story.compared
     if compared is None:
         return []
-    about = f" {spoken(story.compared_step)}" if story.compared_step else ""
-    title = {"preconditions": "before", "effects": "after"}.get(compared.what, compared.what)
     lines = story.atoms()
     wrong = sum(line.standing is not Standing.EXPECTED for line in lines)
     step = story.compared_step if compared.what == "effects" else None
     shown = [
         line for line in lines if line.standing is not Standing.EXPECTED or step is None or line.atom in step.affects
     ]
-    head = Text(f"seen {title}{about}: ")
+    head = Text(f"seen, {phrases.compared(compared.what, story.compared_step)}: ")
     head.append("as expected", "green") if not wrong else head.append(f"{wrong} of {len(lines)} not as expected", "red")
     rows = [head]
     for line in shown[:_ATOMS]:
         mark, style = _STANDINGS[line.standing]
         probability = "unknown" if line.probability is None else f"P {line.probability:.2f}"
-        expected = "true" if line.expected else "false"
+        expected = phrases.truth(line.expected)
         row = Text("  ").append(f"{mark} {line.atom}", style)
         rows.append(row.append(f"  expected {expected}, {probability}", "dim"))
     return rows
 
 
 def _comparison(story: Story, compared: Compared) -> Text:
-    title = {"preconditions": "before", "effects": "after"}.get(compared.what, compared.what)
-    about = f" {spoken(story.compared_step)}" if story.compared_step else ""
     wrong = [line for line in story.atoms() if line.standing is not Standing.EXPECTED]
-    text = Text(f"{title}{about}: ")
+    text = Text(f"{phrases.compared(compared.what, story.compared_step)}: ")
     if not wrong:
         return text.append("as expected", "green")
     for index, line in enumerate(wrong):
         unknown = line.standing is Standing.DOUBT
-        seen = "unknown" if unknown else "false" if line.expected else "true"
+        seen = phrases.truth(None if unknown else not line.expected)
         text.append(", " if index else "").append(f"{line.atom} {seen}", "yellow" if unknown else "red")
     return text
 
@@ -239,36 +218,19 @@ def _wrapped(text: Text, width: int, indent: str) -> list[Text]:
     return [Text(indent if index == 0 else f"{indent}  ") + line for index, line in enumerate(lines)]
 
 
-def _remark(remark: Remark) -> Text:
-    text = Text()
-    match remark:
-        case FaultInjected():
-            text.append(f"fault {remark.spec}: {remark.detail or remark.kind}", "magenta")
-        case NoPlan():
-            text.append(f"no plan: {remark.reason}{f', {remark.detail}' if remark.detail else ''}", "red")
+def _remark(payload: object) -> Text:
+    return Text(phrases.event(payload), _style(payload))
+
+
+def _style(payload: object) -> str:
+    match payload:
+        case SkillResult():
+            return "green" if payload.done else "red"
         case Decision():
-            text.append(f"{remark.kind}: {remark.reason}", _decision_style(remark))
-        case Contradiction():
-            text.append(f"contradiction: {contradiction(remark)}", "yellow")
-        case Guarded():
-            lost = ", again: the skill is told" if remark.lost else ""
-            text.append(f"guard: {remark.atom} is not seen in look {remark.observation_id}{lost}", "yellow")
-        case Blinded():
-            text.append(f"camera {remark.camera} is left out: {remark.reason}", "yellow")
-        case Moved():
-            failed = "" if remark.status is SkillStatus.DONE else f" ({remark.status})"
-            text.append(f"out of the way, {remark.move}: {remark.seconds:.1f} s{failed}", "dim")
-        case Resumed(actions=actions):
-            text.append(f"resumed after {actions} action{'s' * (actions != 1)}, looking first", "cyan")
-    return text
-
-
-def contradiction(clash: Contradiction) -> str:
-    """Answers that cannot all be so, and what was made of them."""
-    said = " and ".join(f"{atom} ({value:.2f})" for atom, value in clash.answers.items())
-    held = [f"{atom} is, {value:.2f}" for atom, value in clash.resolved.items() if value >= 0.5]
-    wrong = "all be false" if clash.exact else "all be true"
-    return f"{said} cannot {wrong}: {', '.join(held) or 'none of them is'}"
+            return _decision_style(payload)
+        case Ended():
+            return outcome_style(payload.outcome)
+    return next((style for kinds, style in _STYLES if isinstance(payload, kinds)), "")
 
 
 def _decision_style(decision: Decision) -> str:
@@ -284,15 +246,9 @@ def outcome_style(outcome: OutcomeKind) -> str:
 
 
 def _counts(story: Story) -> Text:
-    counts: Sequence[tuple[int, str]] = (
-        (story.actions, "action"),
-        (story.looks, "look"),
-        (story.replans, "replan"),
-        (len(story.faults), "fault"),
-    )
-    told = ", ".join(f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in counts)
-    goal = f", {story.goal_told}" if story.goal_told else ""
-    return Text(f"cycle {story.cycle}, {story.time:.1f} s: {told}{goal}", "dim")
+    goal = phrases.goal(story.goal_count, story.is_blind)
+    counted = phrases.counts(action=story.actions, look=story.looks, replan=story.replans, fault=len(story.faults))
+    return Text(f"cycle {story.cycle}, {story.time:.1f} s: {counted}{goal and f', {goal}'}", "dim")
 
 
 def _one_line(text: Text) -> Text:

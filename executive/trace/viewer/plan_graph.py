@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import rerun as rr
 
+from executive.trace import phrases
 from executive.trace.story.story import Mark, PlanLine, Story
 from executive.trace.viewer.blueprint import GRAPH_HEIGHT, GRAPH_WIDTH
 from executive.trace.viewer.colours import COLOUR_OF, DIM, WHITE, Colour
@@ -72,19 +73,17 @@ def _rows(plan: PlanLine, is_current: bool, room: int) -> Sequence[Row]:
     for first in range(0, max(1, len(lines)), COLUMNS):
         row, last = Row(), min(first + COLUMNS, len(lines))
         some = f"\n{first + 1} to {last}" if len(lines) > COLUMNS else ""
-        row.add(f"plan {plan.number}.{first}", f"plan {plan.number}\n{_steps(len(plan.lines))}{some}", WHITE)
+        row.add(
+            f"plan {plan.number}.{first}", f"plan {plan.number}\n{phrases.plural(len(plan.lines), 'step')}{some}", WHITE
+        )
         for at, line in enumerate(lines[first:last], start=first):
             row.add(f"{plan.number}.{at}", step_label(line), COLOUR_OF[line.mark])
         rows.append(row)
     left = len(plan.lines) - len(lines)
     if left:
-        rows[-1].add(f"plan {plan.number}.left", f"{_steps(left)}\nnot begun", DIM)
+        rows[-1].add(f"plan {plan.number}.left", f"{phrases.plural(left, 'step')}\nnot begun", DIM)
     if not is_current:
         return rows[-room:]
     settled = sum(line.mark in (Mark.DONE, Mark.SKIPPED) for line in lines)
     first = max(0, min(settled // COLUMNS - 1, len(rows) - room))
     return rows[first : first + room]
-
-
-def _steps(count: int) -> str:
-    return f"{count} step{'s' * (count != 1)}"

@@ -19,6 +19,7 @@ import rerun as rr
 
 from executive.belief import Thresholds
 from executive.errors import InputError
+from executive.trace import phrases
 from executive.trace.story.story import Standing, Story
 from executive.trace.viewer import memory, text_panels
 from executive.trace.viewer.beliefs import Beliefs
@@ -145,7 +146,7 @@ class RerunSink:
             case Plan():
                 self._taken_up.enter(f"plan {len(self._story.plans)}", LANES[len(self._story.plans) % len(LANES)])
             case Dispatched():
-                self._action.enter(text_panels.spoken(payload.step))
+                self._action.enter(phrases.step(payload.step))
                 self._scene.begin_action()
             case Phase():
                 self._phase.enter(payload.name)

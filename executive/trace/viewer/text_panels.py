@@ -9,10 +9,10 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence, Set
 
+from executive.trace import phrases
 from executive.trace.story.last_look import Change, LookLine
 from executive.trace.story.story import AtomLine, Mark, Standing, StepLine, Story
-from executive.trace.terminal.view import contradiction
-from executive.types import Atom, Contradiction, Decision, DecisionKind, LookKind, Overruled, Step
+from executive.types import Atom, DecisionKind
 
 MARKS = {
     Mark.PENDING: "○",
@@ -28,10 +28,6 @@ _UNDRAWN = re.compile(f"[^{re.escape(''.join(sorted(_DRAWN)))}]")
 _MARKDOWN = re.compile(r"[\\`*_|<>\[\]#~$]")
 _ROWS, _CHANGES = 6, 6
 """What the panels have room for, in a window of 1280x800 pixels."""
-_KINDS = {
-    LookKind.CLOSER: "closer: ",
-    LookKind.MOVED: "with the arm out of the way: ",
-}
 
 
 def plain(text: str) -> str:
@@ -44,31 +40,24 @@ def escaped(text: str) -> str:
     return _MARKDOWN.sub(r"\\\g<0>", " ".join(plain(text).split()))
 
 
-def spoken(step: Step) -> str:
-    """`pick cereal-box wood-table`."""
-    return " ".join((step.action, *step.args))
-
-
 def status(story: Story) -> str:
     """Where the run stands; at its end, what it came to."""
     started = story.started
     if started is None:
         return ""
     if story.ended is not None:
-        lines = [f"**{escaped(str(story.ended.outcome))}**: {escaped(story.ended.reason)}"]
+        lines = [f"**{escaped(str(story.ended.outcome))}**: {escaped(phrases.why(story.ended))}"]
     else:
         lines = [f"**{escaped(_doing(story))}**"]
-        if story.decisions and not is_routine(story.decisions[-1][1]):
-            lines.append(escaped(_last(story.decisions[-1][1])))
+        if story.decisions and story.decisions[-1][1].kind is not DecisionKind.CONTINUE:
+            lines.append(escaped(phrases.event(story.decisions[-1][1])))
     if story.probability and story.unreached():
         lines.append(escaped(f"to go: {', '.join(story.unreached())}"))
     counts = {"action": story.actions, "look": story.looks, "replan": story.replans, "fault": len(story.faults)}
-    told = [f"{story.time:.1f} s", *(f"{count} {noun}{'s' * (count != 1)}" for noun, count in counts.items())]
-    if story.goal_told:
-        told.append(f"**{story.goal_told}**")
-    who = "nobody looks" if started.is_blind else f"seen by {started.estimator}"
-    title = f"{started.domain}: {started.task.problem} · seed {started.seed} · {who}"
-    return "  \n".join([*lines, " · ".join(told), escaped(title)])
+    told = [f"{story.time:.1f} s", *(phrases.plural(count, noun) for noun, count in counts.items())]
+    if goal := phrases.goal(story.goal_count, story.is_blind):
+        told.append(f"**{goal}**")
+    return "  \n".join([*lines, " · ".join(told), escaped(phrases.event(started))])
 
 
 def belief(story: Story) -> str:
@@ -80,8 +69,6 @@ def belief(story: Story) -> str:
         if story.is_blind:
             return "\n".join(_table(["assumed true"], [row[:1] for row in true]))
         return "\n".join(_table(["believed true", "P(true)"], true))
-    about = f" {spoken(story.compared_step)}" if story.compared_step else ""
-    title = {"preconditions": f"before{about}", "effects": f"after{about}", "goal": "the goal"}
     lines = story.atoms()
     alarm = _alarm(lines)
     shown = _worth_showing(story, lines)[: _ROWS - bool(alarm)]
@@ -91,7 +78,7 @@ def belief(story: Story) -> str:
     if rest:
         as_expected = all(line.standing is Standing.EXPECTED for line in rest)
         rows.append(["", f"{len(rest)} more{', as expected' * as_expected}", "", "", ""])
-    about = escaped(title.get(compared.what, compared.what))
+    about = escaped(phrases.compared(compared.what, story.compared_step))
     head = ["", f"{about}, look {compared.observation_id}", "expected", "P(true)", ""]
     cells = len(head) if any(notes) else len(head) - 1
     return "\n".join([*alarm, *_table(head[:cells], [row[:cells] for row in rows])])
@@ -114,19 +101,15 @@ def look(story: Story) -> str:
         lines += ["", f"{len(last.changes) - _CHANGES} more"] if len(last.changes) > _CHANGES else []
     else:
         lines.append("what it shows was known before" if story.looks > 1 else "the first look")
-    notes = [*map(_clash, last.contradictions), *map(_overruled, last.overruled)]
-    notes += [f"camera {camera} left out: {why}" for camera, why in story.seeing.blinded.items()]
+    notes = [phrases.event(each) for each in (*last.contradictions, *last.overruled)]
+    notes += [phrases.blinded(camera, why) for camera, why in story.seeing.blinded.items()]
     return "\n".join([*lines, "", *(f"- {escaped(note)}" for note in notes)])
-
-
-def log_line(decision: Decision) -> str:
-    """A decision in one line of the log."""
-    return plain(f"{decision.kind}: {decision.reason}")
 
 
 def step_label(line: StepLine) -> str:
     """A step as a node of the plan's graph."""
-    tail = f"\n({line.note})" if line.note else ""
+    note = phrases.note(line.note, line.cut_off)
+    tail = f"\n({note})" if note else ""
     return plain("\n".join((f"{MARKS[line.mark]} {line.step.action}", *line.step.args)) + tail)
 
 
@@ -156,7 +139,7 @@ def _note(story: Story, atom: Atom) -> str:
     """What an atom's probability rests on, where that is not the answer to a question about it alone."""
     last, kept = story.seeing.last, story.seeing.remembered.get(atom)
     if kept is not None:
-        return f"seen {kept.age} cycle{'s' * (kept.age != 1)} ago"
+        return f"seen {phrases.plural(kept.age, 'cycle')} ago"
     for wrong in last.overruled if last is not None else ():
         if wrong.atom == atom:
             return f"the look said {wrong.answer:.2f}"
@@ -165,32 +148,22 @@ def _note(story: Story, atom: Atom) -> str:
 
 def _taken(last: LookLine, cameras: Set[str]) -> str:
     """Which look it was, and what it took: through which of the `cameras`, unless it was all of them."""
-    cause = f" ({escaped(last.cause)})" if last.cause else ""
-    how = _KINDS.get(last.kind, "") if last.kind else ""
-    asked = f"{last.questions} of {last.atoms} atoms" if last.atoms else f"{last.questions} atoms"
-    through = f" through {escaped(', '.join(last.cameras))}" if last.cameras and set(last.cameras) < cameras else ""
-    return f"**look {last.id}**{cause}: {how}{asked}{through}" if last.id >= 0 else "**told, not seen**"
+    if last.id < 0:
+        return "**told, not seen**"
+    through = last.cameras if set(last.cameras) < cameras else ()
+    told = escaped(phrases.look(last.id, last.cause, last.kind, last.questions, last.atoms, through))
+    return re.sub(r"^look \d+", r"**\g<0>**", told)
 
 
 def _change(change: Change) -> list[str]:
-    words = {True: "true", False: "false", None: "?"}
     probability = "?" if change.probability is None else f"{change.probability:.2f}"
-    cells = [escaped(str(change.atom)), words[change.before], words[change.now], probability]
+    cells = [escaped(str(change.atom)), phrases.truth(change.before, "?"), phrases.truth(change.now, "?"), probability]
     return [f"**{cell}**" for cell in cells] if change.now else cells
-
-
-def _clash(clash: Contradiction) -> str:
-    return f"answers {contradiction(clash)}"
-
-
-def _overruled(wrong: Overruled) -> str:
-    believed = "cannot be told" if wrong.believed is None else f"is taken for {'true' if wrong.believed else 'false'}"
-    return f"{wrong.atom}: the look says {wrong.answer:.2f}, with what else is known it {believed}"
 
 
 def _row(line: AtomLine) -> list[str]:
     probability = "?" if line.probability is None else f"{line.probability:.2f}"
-    cells = [_STANDINGS[line.standing], escaped(str(line.atom)), "true" if line.expected else "false", probability]
+    cells = [_STANDINGS[line.standing], escaped(str(line.atom)), phrases.truth(line.expected), probability]
     if line.standing is Standing.EXPECTED:
         return cells
     # Atoms have no character that would end the code span.
@@ -201,20 +174,14 @@ def _row(line: AtomLine) -> list[str]:
 def _doing(story: Story) -> str:
     line = story.current
     if line is None:
-        return "looking at the world" if story.plan is None else "about to begin"
-    attempt = f", attempt {line.attempt}" if line.attempt > 1 else ""
-    outcome = f" - {line.note}" if line.note else ""
-    return f"action {line.action}: {spoken(line.step)}{attempt}{outcome}"
-
-
-def _last(decision: Decision) -> str:
-    return f"{decision.kind}: {decision.reason}"
+        return (
+            phrases.opening(story.compiling, planning=bool(story.probability))
+            if story.plan is None
+            else "about to begin"
+        )
+    note = phrases.note(line.note, line.cut_off)
+    return phrases.action(line.action, line.step, line.attempt) + (f" - {note}" if note else "")
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
-
-
-def is_routine(decision: Decision) -> bool:
-    """Whether a decision is what happens when all goes well."""
-    return decision.kind is DecisionKind.CONTINUE

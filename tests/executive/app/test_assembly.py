@@ -105,4 +105,4 @@ def test_the_rest_of_the_goal_is_reached_without_a_try_at_what_does_not_fit(work
     (ended,) = recorder.of(Ended)
     assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("on(crate,tray)",))
     assert ended.actions == 2
-    assert WHY in ended.reason
+    assert WHY in [cause.detail for cause in ended.causes]

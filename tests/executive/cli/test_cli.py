@@ -25,7 +25,8 @@ from executive.core.settings import Settings
 from executive.domain.loader import list_domains
 from executive.errors import DomainError, InputError, MissingError
 from executive.protocols import Sink
-from executive.trace.report.summary import STAGES, Looks, Summary
+from executive.trace.report.summary import Looks, Summary
+from executive.trace.story.costs import STAGES
 from executive.trace.viewer import process, screenshot
 from executive.types import OutcomeKind
 from executive.util import requirements

@@ -131,7 +131,8 @@ def test_those_who_look_on_and_err_twice_cost_time_and_drop_nothing() -> None:
     ended = stage.play()
     assert (ended.outcome, stage.goal_true, ended.replans) == (OutcomeKind.GOAL_REACHED, True, 0)
     assert ends(stage)[0] == (SkillStatus.DROPPED, Sense.SEEN)
-    assert "reports dropped: held(a) is seen no longer" in stage.recorder.of(Decision)[1].reason
+    cause = stage.recorder.of(Decision)[1].causes[0]
+    assert (cause.status, cause.detail) == (SkillStatus.DROPPED, "held(a) is seen no longer")
 
 
 @pytest.mark.parametrize("glance", [None, ValueError("the cable came off")])

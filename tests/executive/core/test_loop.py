@@ -25,6 +25,7 @@ from executive.trace.report.summary import summarise
 from executive.types import (
     Atom,
     Belief,
+    Cause,
     Condition,
     Decision,
     DecisionKind,
@@ -40,6 +41,7 @@ from executive.types import (
     OutcomeKind,
     Phase,
     Plan,
+    Reason,
     Scenery,
     SkillResult,
     SkillStatus,
@@ -77,8 +79,8 @@ def well_told(events: Sequence[Event], stage: Stage, ended: Ended) -> None:
     for order, result in zip(orders, (p for p in payloads if isinstance(p, SkillResult)), strict=True):
         assert order.step == result.step
     stops = [p for p in payloads if isinstance(p, Decision) and p.kind is DecisionKind.STOP]
-    assert all((stop.outcome, stop.reason) == (ended.outcome, ended.reason) for stop in stops)
-    assert ended.reason
+    assert all((stop.outcome, stop.causes) == (ended.outcome, ended.causes) for stop in stops)
+    assert ended.causes
 
 
 def seen_honestly(events: Sequence[Event], stage: Stage, ended: Ended) -> None:
@@ -266,12 +268,13 @@ def test_a_blind_run_carries_its_plan_out_and_claims_what_it_believes() -> None:
         False,
     )
     assert (ended.actions, ended.looks, ended.replans) == (4, 0, 0)
-    assert ended.reason == "the plan is carried out; nobody looked whether the goal holds"
+    assert ended.codes == (Reason.NOBODY_LOOKED,)
     assert stage.recorder.of(Observation) == []
     assert {belief.source for belief in stage.recorder.of(Belief)} == {"assumed"}
     assert stage.recorder.of(Belief)[-1].facts().entails(GOAL)
-    assert stage.recorder.of(Decision)[1].reason == (
-        "place(a,q) reports no path: no motion was found; nobody looks, its effects are assumed"
+    assert stage.recorder.of(Decision)[1].causes == (
+        Cause(Reason.SKILL_FAILED, steps=("place(a,q)",), status=SkillStatus.NO_PATH, detail="no motion was found"),
+        Cause(Reason.EFFECTS_ASSUMED),
     )
 
 
@@ -309,7 +312,8 @@ def test_an_error_of_the_set_up_is_raised_once_the_trace_is_whole(error: Executi
     assert caught.value is error
     last = stage.recorder.events[-1].payload
     assert isinstance(last, Ended)
-    assert (last.outcome, last.reason, stage.recorder.closed) == (OutcomeKind.CRASHED, f"observe: {error}", 1)
+    assert (last.outcome, stage.recorder.closed) == (OutcomeKind.CRASHED, 1)
+    assert last.causes == (Cause(Reason.STAGE_FAILED, what="observe", detail=str(error)),)
 
 
 def test_an_order_to_exit_is_obeyed_once_the_trace_is_whole() -> None:
@@ -331,13 +335,12 @@ def test_an_order_to_exit_is_obeyed_once_the_trace_is_whole() -> None:
 def test_a_skill_that_is_missing_or_returns_nonsense_has_crashed(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("CRITICAL")
     nonsense = Stage(GOAL, {"a": "p", "b": "p"}, script={1: "nonsense"})
-    assert "it returned None, not a SkillResult" in nonsense.play().reason
+    (cause,) = nonsense.play().causes
+    assert (cause.code, "None" in cause.detail) == (Reason.SKILL_CRASHED, True)
     missing = Stage(GOAL, {"a": "p", "b": "p"})
     ended = make_executive(missing.task, missing.planner, missing.world, {}, missing.estimator).run()
-    assert (ended.outcome, ended.reason) == (
-        OutcomeKind.CRASHED,
-        "the skill for pick(a,p) crashed: KeyError: 'pick'",
-    )
+    assert ended.outcome is OutcomeKind.CRASHED
+    assert ended.causes == (Cause(Reason.SKILL_CRASHED, steps=("pick(a,p)",), detail="KeyError: 'pick'"),)
 
 
 class Broken(Recorder):
@@ -468,7 +471,7 @@ def test_a_world_that_is_gone_takes_no_event_with_it(caplog: pytest.LogCaptureFi
     stage.estimator = type(stage.estimator)(stage.world)
     ended = stage.play()
     assert ended.outcome is OutcomeKind.CRASHED
-    assert "connection lost" in ended.reason
+    assert "connection lost" in ended.causes[0].detail
     assert stage.recorder.events[-1].payload is ended
     assert stage.recorder.events[-1].time == pytest.approx(5.5)
     assert [result.status for result in stage.recorder.of(SkillResult)] == [SkillStatus.DONE, SkillStatus.CRASHED]
@@ -542,7 +545,9 @@ def test_an_error_of_the_set_up_inside_a_skill_is_not_blamed_on_it() -> None:
         executive.run()
     assert [result.status for result in stage.recorder.of(SkillResult)] == [SkillStatus.CRASHED]
     (ended,) = stage.recorder.of(Ended)
-    assert ended.reason == "skill: no OMPL; install it with: pip install ompl"
+    assert ended.causes == (
+        Cause(Reason.STAGE_FAILED, what="skill", detail="no OMPL; install it with: pip install ompl"),
+    )
 
 
 def test_cancelled_during_the_last_look_the_run_is_interrupted_all_the_same() -> None:

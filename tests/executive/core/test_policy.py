@@ -17,6 +17,7 @@ from executive.core.settings import Settings
 from executive.types import (
     ALWAYS,
     Atom,
+    Cause,
     Condition,
     Decision,
     DecisionKind,
@@ -25,12 +26,13 @@ from executive.types import (
     NoPlanReason,
     OutcomeKind,
     Plan,
+    Reason,
     SkillResult,
     SkillStatus,
     Step,
     Verdict,
 )
-from tests.fakes import FREE, at, held, pick, put
+from tests.fakes import FREE, at, budget, held, pick, put
 
 SETTINGS = Settings()
 STEP = put("a", "q")
@@ -39,6 +41,7 @@ AS_EXPECTED = Verdict(holds=frozenset(EXPECTED))
 ELSEWHERE = Verdict(holds=frozenset({held("a"), FREE}), violated=frozenset({at("a", "q"), at("a", "r")}))
 BLACK = Verdict(unknown=frozenset(EXPECTED))
 ONCE = Failures(1, 1)
+OUT_OF_REACH = (Cause(Reason.SKILL_FAILED, steps=("pick(b,p)",), status=SkillStatus.UNREACHABLE),)
 
 
 def times(count: int) -> Failures:
@@ -68,7 +71,7 @@ def after(status: SkillStatus = SkillStatus.DONE, **changes: object) -> Decision
 
 def test_all_as_expected_goes_on() -> None:
     decision = after()
-    assert (decision.kind, decision.reason) == (DecisionKind.CONTINUE, "as expected")
+    assert (decision.kind, decision.codes) == (DecisionKind.CONTINUE, (Reason.AS_EXPECTED,))
 
 
 def test_a_surprise_that_matters_is_looked_at_once_more_and_then_believed() -> None:
@@ -76,39 +79,46 @@ def test_a_surprise_that_matters_is_looked_at_once_more_and_then_believed() -> N
     assert first.kind is DecisionKind.LOOK_AGAIN
     second = after(verdict=ELSEWHERE, rest=None, looks=2)
     assert second.kind is DecisionKind.REPLAN
-    assert second.reason == "place(a,q) did not come out; at(a,q) not seen as expected; seen instead: at(a,r)"
+    assert second.causes == (
+        Cause(Reason.STEP_FAILED, steps=("place(a,q)",)),
+        Cause(Reason.EFFECT_MISSING, (at("a", "q"),)),
+        Cause(Reason.SEEN_INSTEAD, (at("a", "r"),)),
+    )
     assert second.evidence == (at("a", "q"), at("a", "r"))
 
 
 def test_a_surprise_that_changes_nothing_is_believed_at_once() -> None:
     decision = after(verdict=ELSEWHERE)
     assert decision.kind is DecisionKind.CONTINUE
-    assert decision.reason.endswith("the plan still reaches the goal")
+    assert decision.codes == (Reason.EFFECT_MISSING, Reason.SEEN_INSTEAD, Reason.PLAN_HOLDS)
 
 
 def test_skill_and_eye_that_agree_on_a_failure_need_no_second_look() -> None:
     decision = after(SkillStatus.DROPPED, verdict=ELSEWHERE, rest=None)
     assert decision.kind is DecisionKind.REPLAN
-    assert decision.reason.startswith("place(a,q) reports dropped; at(a,q) not seen as expected")
+    assert decision.causes[0] == Cause(Reason.SKILL_FAILED, steps=("place(a,q)",), status=SkillStatus.DROPPED)
+    assert decision.codes[1:] == (Reason.EFFECT_MISSING, Reason.SEEN_INSTEAD)
 
 
 def test_what_is_seen_wins_over_what_the_skill_reports() -> None:
     assert after(SkillStatus.DROPPED).kind is DecisionKind.LOOK_AGAIN
-    assert after(SkillStatus.DROPPED, looks=2).kind is DecisionKind.CONTINUE
+    believed = after(SkillStatus.DROPPED, looks=2)
+    assert (believed.kind, believed.code) == (DecisionKind.CONTINUE, Reason.SKILL_FAILED_YET_SEEN)
     assert after(SkillStatus.DONE, verdict=ELSEWHERE, rest=None, looks=2).kind is DecisionKind.REPLAN
 
 
 def test_time_that_an_early_end_saved_is_told() -> None:
     result = SkillResult(STEP, SkillStatus.DROPPED, "nothing between the fingers", seconds=2.0, planned_seconds=5.25)
     decision = policy.after(turn(result=result, verdict=ELSEWHERE, rest=None), SETTINGS)
-    assert "reports dropped: nothing between the fingers (3.2 s early)" in decision.reason
+    cause = decision.causes[0]
+    assert (cause.status, cause.detail, cause.seconds) == (SkillStatus.DROPPED, "nothing between the fingers", 3.25)
 
 
 def test_steps_that_are_done_already_are_left_out_after_a_second_look() -> None:
     assert after(verdict=ELSEWHERE, rest=(1,)).kind is DecisionKind.LOOK_AGAIN
     decision = after(verdict=ELSEWHERE, rest=(1,), looks=2)
     assert decision.kind is DecisionKind.CONTINUE
-    assert decision.reason.endswith("1 of 2 steps no longer needed")
+    assert decision.causes[-1] == Cause(Reason.STEPS_UNNEEDED, count=1, total=2)
 
 
 def test_retries_are_bounded_in_a_row_and_over_the_run() -> None:
@@ -120,7 +130,7 @@ def test_retries_are_bounded_in_a_row_and_over_the_run() -> None:
     assert kinds == [DecisionKind.RETRY] * SETTINGS.max_retries + [DecisionKind.REPLAN] * 2
     circles = after(missed, rest=None, repeatable=True, failures=times(SETTINGS.max_failures))
     assert circles.kind is DecisionKind.GIVE_UP_GOAL
-    assert "10 times from the same known facts" in circles.reason
+    assert circles.causes[-1] == Cause(Reason.FAILED_WITH_SAME_FACTS, count=10)
 
 
 def test_what_does_not_fit_is_not_tried_again() -> None:
@@ -134,6 +144,7 @@ def test_some_more_failures_are_too_many_whatever_was_known(status: SkillStatus)
     assert most > SETTINGS.tolerated(status)
     elsewhere = [after(status, rest=None, repeatable=True, failures=Failures(1, ever)) for ever in (most - 1, most)]
     assert [decision.kind for decision in elsewhere] == [DecisionKind.RETRY, DecisionKind.GIVE_UP_GOAL]
+    assert elsewhere[1].causes[-1] == Cause(Reason.FAILED_TOO_OFTEN, count=most)
 
 
 def test_a_step_whose_preconditions_are_gone_is_not_tried_again() -> None:
@@ -154,7 +165,7 @@ def test_a_doubt_that_matters_is_looked_at_as_often_as_allowed() -> None:
     for looks in range(1, SETTINGS.max_looks_again + 1):
         decision = after(doubts=doubts, rest=None, looks=looks)
         assert decision.kind is DecisionKind.LOOK_AGAIN
-        assert decision.reason == "cannot tell at(a,q) (never seen), free() (last seen 3 cycles ago)"
+        assert decision.causes == (Cause(Reason.CANNOT_TELL, tuple(doubts), (None, 3)),)
     looks = SETTINGS.max_looks_again + 1
     assert after(doubts=doubts, rest=None, looks=looks).kind is DecisionKind.REPLAN
     assert after(doubts=doubts, looks=looks).kind is DecisionKind.CONTINUE, "what was last known carries the plan"
@@ -165,7 +176,7 @@ def test_an_eye_that_tells_nothing_ends_the_run_by_name() -> None:
     assert after(verdict=BLACK, doubts=doubts, rest=None).kind is DecisionKind.LOOK_AGAIN
     decision = after(verdict=BLACK, doubts=doubts, rest=None, looks=4)
     assert (decision.kind, decision.outcome) == (DecisionKind.STOP, OutcomeKind.GAVE_UP)
-    assert decision.reason == "nothing can be seen any more: 4 looks after place(a,q) told no atom"
+    assert decision.causes == (Cause(Reason.NOTHING_SEEN, steps=("place(a,q)",), count=4),)
 
 
 def test_without_looks_to_spare_the_first_one_decides() -> None:
@@ -205,8 +216,7 @@ def test_every_turn_is_decided_within_its_budget_and_with_a_reason(
 ) -> None:
     settings = Settings(max_looks_again=looks_again, max_retries=retries, max_failures=failures)
     decision = policy.after(some, settings)
-    assert decision.reason
-    assert ";;" not in decision.reason
+    assert len(set(decision.codes)) == len(decision.codes)
     if decision.kind is DecisionKind.LOOK_AGAIN:
         assert some.looks <= looks_again
     elif decision.kind is DecisionKind.RETRY:
@@ -246,7 +256,8 @@ def test_a_precondition_is_waited_for_a_few_looks_and_then_is_a_failure() -> Non
         assert decision is not None
         assert decision.kind is DecisionKind.LOOK_AGAIN
     failed = before(step, verdict, SETTINGS.precondition_wait, ONCE, SETTINGS)
-    assert failed == Decision(DecisionKind.REPLAN, "pick(a,p) cannot begin: at(a,p) does not hold", (at("a", "p"),))
+    cause = Cause(Reason.PRECONDITION_UNMET, literals=("at(a,p)",), steps=("pick(a,p)",))
+    assert failed == Decision(DecisionKind.REPLAN, (cause,), (at("a", "p"),))
     given_up = policy.before(
         step, step.precondition.facts, verdict, SETTINGS.precondition_wait, times(SETTINGS.max_retries + 2), SETTINGS
     )
@@ -261,7 +272,8 @@ def test_an_unknown_precondition_is_never_taken_for_true() -> None:
     )
     assert unknown is not None
     assert unknown.kind is DecisionKind.REPLAN
-    assert unknown.reason == "place(a,q) cannot begin: held(a) was never seen"
+    (cause,) = unknown.causes
+    assert (cause.code, cause.literals, cause.atoms) == (Reason.PRECONDITION_UNMET, ("held(a)",), (held("a"),))
     closed = policy.before(
         step,
         step.precondition.facts,
@@ -289,13 +301,14 @@ def unplanned(
     return policy.unplanned(no_plan, times, Doubts(doubts, unsure), SETTINGS)
 
 
-@pytest.mark.parametrize("reason", [NoPlanReason.TIMED_OUT, NoPlanReason.CRASHED])
-def test_a_planner_that_failed_is_asked_once_more(reason: NoPlanReason) -> None:
+@pytest.mark.parametrize(
+    ("reason", "code"),
+    [(NoPlanReason.TIMED_OUT, Reason.PLANNER_TIMED_OUT), (NoPlanReason.CRASHED, Reason.PLANNER_CRASHED)],
+)
+def test_a_planner_that_failed_is_asked_once_more(reason: NoPlanReason, code: Reason) -> None:
     again = unplanned(NoPlan(reason, "signal 11"), 1)
-    assert (again.kind, again.reason) == (
-        DecisionKind.REPLAN,
-        f"the planner answers {reason}: signal 11; asking once more",
-    )
+    assert again.kind is DecisionKind.REPLAN
+    assert again.causes == (Cause(code, detail="signal 11"), Cause(Reason.ASKED_AGAIN))
     assert unplanned(NoPlan(reason), 2).outcome is OutcomeKind.NO_PLAN
 
 
@@ -333,28 +346,32 @@ def test_success_is_a_goal_that_is_seen() -> None:
     assert finish(unknown, SETTINGS.max_looks_again).kind is DecisionKind.LOOK_AGAIN
     unseen = finish(unknown, SETTINGS.max_looks_again + 1)
     assert unseen.outcome is OutcomeKind.PARTIAL
-    assert unseen.reason == "the goal is believed to hold, but cannot tell at(b,r) in 4 looks"
+    assert unseen.causes == (Cause(Reason.GOAL_ONLY_BELIEVED, (at("b", "r"),), count=4),)
     assert finish(Verdict(unknown=GOAL.atoms), 4).outcome is OutcomeKind.GAVE_UP
 
 
 def test_what_was_given_up_is_tried_again_or_named() -> None:
     verdict = Verdict(frozenset({at("a", "q")}))
     kept, dropped = Condition.literal(at("a", "q")), Condition.literal(at("b", "r"))
-    partial = policy.finish(kept, verdict, (), 1, Dropped(dropped, "b is out of reach"), SETTINGS)
+    partial = policy.finish(kept, verdict, (), 1, Dropped(dropped, OUT_OF_REACH), SETTINGS)
     assert partial.outcome is OutcomeKind.PARTIAL
-    assert partial.reason.endswith("at(b,r) was given up: b is out of reach")
+    assert partial.causes[1:] == (Cause(Reason.GIVEN_UP_BEFORE, literals=("at(b,r)",)), *OUT_OF_REACH)
     for checks in range(1, SETTINGS.max_looks_again + 1):
-        doubted = policy.finish(kept, verdict, (FREE,), checks, Dropped(dropped, "b is out of reach"), SETTINGS)
+        doubted = policy.finish(kept, verdict, (FREE,), checks, Dropped(dropped, OUT_OF_REACH), SETTINGS)
         assert (doubted.kind, doubted.evidence) == (DecisionKind.LOOK_AGAIN, (FREE,))
-    again = policy.finish(kept, verdict, (), 1, Dropped(dropped, "", Plan((), 0.0, "", 0.0)), SETTINGS)
-    assert again.kind is DecisionKind.REPLAN
+    again = policy.finish(kept, verdict, (), 1, Dropped(dropped, (), Plan((), 0.0, "", 0.0)), SETTINGS)
+    assert (again.kind, again.codes[-1]) == (DecisionKind.REPLAN, Reason.REACHABLE_AGAIN)
 
 
 def test_giving_up_names_what_is_left() -> None:
-    cause = Decision(DecisionKind.GIVE_UP_GOAL, "pick(b,p) failed")
+    cause = Decision(DecisionKind.GIVE_UP_GOAL, OUT_OF_REACH)
     some = policy.given_up(cause, GOAL, Condition.literal(at("a", "q")), is_stuck=True)
     assert some.kind is DecisionKind.GIVE_UP_GOAL
-    assert some.reason == "pick(b,p) failed; giving up at(b,r), going for at(a,q)"
+    assert some.causes == (
+        *OUT_OF_REACH,
+        Cause(Reason.GOAL_GIVEN_UP, literals=("at(b,r)",)),
+        Cause(Reason.GOAL_KEPT, literals=("at(a,q)",)),
+    )
     assert some.evidence == (at("b", "r"),)
     assert policy.given_up(cause, GOAL, ALWAYS, is_stuck=True).outcome is OutcomeKind.GAVE_UP
     assert policy.given_up(cause, GOAL, ALWAYS, is_stuck=False).outcome is OutcomeKind.NO_PLAN
@@ -413,11 +430,10 @@ def test_with_few_questions_allowed_what_is_kept_cannot_be_extended(taboo: list[
 def test_each_budget_ends_the_run_by_its_name() -> None:
     settings = Settings(max_cycles=3, max_actions=2, max_replans=1)
     assert policy.exhausted(settings, cycles=2, actions=1, replans=0) is None
-    for used, name in (({"cycles": 3}, "3 cycles"), ({"actions": 2}, "2 actions"), ({"replans": 1}, "1 replans")):
-        stop = policy.exhausted(settings, **used)
+    for what, total in (("cycles", 3), ("actions", 2), ("replans", 1)):
+        stop = policy.exhausted(settings, **{what: total})
         assert stop is not None
-        assert stop.outcome is OutcomeKind.GAVE_UP
-        assert stop.reason == f"the budget of {name} is used up"
+        assert (stop.outcome, stop.causes) == (OutcomeKind.GAVE_UP, (budget(what, total),))
 
 
 @pytest.mark.parametrize(

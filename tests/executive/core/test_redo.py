@@ -12,16 +12,31 @@ from executive.core.settings import Settings
 from executive.types import (
     Atom,
     Belief,
-    Decision,
+    Cause,
     DecisionKind,
     Dispatched,
     Facts,
     Observation,
     OutcomeKind,
+    Reason,
     SkillResult,
     SkillStatus,
 )
-from tests.fakes import FLOOR, FREE, Answer, FakePlanner, ScriptedEstimator, Stage, Ticking, at, held, pick, put
+from tests.fakes import (
+    FLOOR,
+    FREE,
+    Answer,
+    FakePlanner,
+    ScriptedEstimator,
+    Stage,
+    Ticking,
+    at,
+    budget,
+    decided,
+    held,
+    pick,
+    put,
+)
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
 CARRIED = {"pick": ("held", (0,)), "place": ("held", (0,))}
@@ -55,9 +70,9 @@ def test_a_goal_that_is_never_sure_is_brought_about_once_more() -> None:
     assert (ended.outcome, ended.goal_seen, made.goal_true) == (OutcomeKind.GOAL_REACHED, True, True)
     steps = [order.step for order in made.recorder.of(Dispatched)]
     assert steps[-2:] == [pick("a", "r"), put("a", "q")]
-    (again,) = [each for each in made.recorder.of(Decision) if "done once more" in each.reason]
+    (again,) = decided(made, Reason.DONE_AGAIN)
     assert (again.kind, again.evidence) == (DecisionKind.REPLAN, (at("a", "q"),))
-    assert again.reason.endswith("as if at(a,r), free()")
+    assert again.causes[-1] == Cause(Reason.DONE_AGAIN, (at("a", "r"), FREE))
 
 
 def test_it_is_done_once_more_only_once() -> None:
@@ -68,8 +83,9 @@ def test_it_is_done_once_more_only_once() -> None:
     made.skill.script = dict.fromkeys(range(2, 99, 2), "land quietly r")
     ended = made.play()
     assert (ended.outcome, ended.goal_seen) == (OutcomeKind.PARTIAL, False)
-    assert "cannot tell at(a,q)" in ended.reason
-    assert sum("done once more" in each.reason for each in made.recorder.of(Decision)) == 1
+    (cause,) = ended.causes
+    assert (cause.code, cause.atoms) == (Reason.GOAL_ONLY_BELIEVED, (at("a", "q"),))
+    assert len(decided(made, Reason.DONE_AGAIN)) == 1
 
 
 def test_before_a_goal_is_given_up_it_is_tried_where_the_thing_may_be() -> None:
@@ -79,7 +95,7 @@ def test_before_a_goal_is_given_up_it_is_tried_where_the_thing_may_be() -> None:
     made.estimator.lean, made.estimator.there = 0.02, 0.2
     ended = made.play()
     assert (ended.outcome, ended.goal_seen, made.goal_true) == (OutcomeKind.GOAL_REACHED, True, True)
-    optimistic = [each for each in made.recorder.of(Decision) if "it is tried as if" in each.reason]
+    optimistic = decided(made, Reason.OPTIMISTIC_PLAN)
     assert {(each.kind, each.evidence) for each in optimistic} == {(DecisionKind.REPLAN, (at("a", "r"),))}
     assert pick("a", "r") in [order.step for order in made.recorder.of(Dispatched)]
 
@@ -90,7 +106,7 @@ def test_a_hunch_that_is_wrong_is_not_followed_for_ever() -> None:
     made.estimator = ScriptedEstimator(made.world, {look: {at("a", "r"): 0.2} for look in range(3, 99)})
     ended = made.play()
     assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("at(a,q)",))
-    assert 1 <= sum("it is tried as if" in each.reason for each in made.recorder.of(Decision)) <= 2
+    assert 1 <= len(decided(made, Reason.OPTIMISTIC_PLAN)) <= 2
     reports = [each for each in made.recorder.of(SkillResult) if each.step == pick("a", "r")]
     assert {each.status for each in reports} == {SkillStatus.NOT_THERE}
 
@@ -121,7 +137,7 @@ def test_hunches_keep_to_the_time_that_the_run_has(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(made.planner, "plan", clock.second(made.planner.plan))
     monkeypatch.setattr("executive.core.session.time.monotonic", clock)
     ended = made.play()
-    assert (ended.outcome, ended.reason) == (OutcomeKind.GAVE_UP, "the budget of 6 seconds is used up")
+    assert (ended.outcome, ended.causes) == (OutcomeKind.GAVE_UP, (budget("seconds", 6),))
     assert (clock.now, len(made.planner.asked)) == (6.0, 6)
     assert 0 < supposed(made) < 10
 
@@ -132,7 +148,7 @@ def test_what_is_seen_not_to_be_anywhere_is_no_reason_to_try() -> None:
     made.estimator = ScriptedEstimator(made.world)
     ended = made.play()
     assert ended.outcome is OutcomeKind.PARTIAL
-    assert not any("it is tried as if" in each.reason for each in made.recorder.of(Decision))
+    assert not decided(made, Reason.OPTIMISTIC_PLAN)
 
 
 def test_nothing_is_done_again_for_what_the_looks_do_not_speak_of() -> None:
@@ -140,7 +156,7 @@ def test_nothing_is_done_again_for_what_the_looks_do_not_speak_of() -> None:
     made = Stage(GOAL, {"a": "p", "b": "p"}, always={at("a", "q"): None}).weighing(sensor_model=SHARP)
     ended = made.play()
     assert not ended.goal_seen
-    assert not any("done once more" in each.reason for each in made.recorder.of(Decision))
+    assert not decided(made, Reason.DONE_AGAIN)
 
 
 def test_the_hand_is_asked_before_an_eye_that_takes_the_thing_for_held() -> None:

@@ -12,6 +12,7 @@ from executive.core.run_state import Leeway, RunState
 from executive.core.settings import Settings
 from executive.types import (
     Belief,
+    Cause,
     Condition,
     Decision,
     DecisionKind,
@@ -21,6 +22,7 @@ from executive.types import (
     LookKind,
     OutcomeKind,
     Plan,
+    Reason,
     SkillResult,
     SkillStatus,
 )
@@ -31,8 +33,10 @@ TASK = task(["a", "b"], ["p", "q", "r"], GOAL)
 START = Facts.closed({at("a", "p"), at("b", "p"), FREE}, TASK.atoms)
 GRIPPED = Facts.closed({held("a"), at("b", "p")}, TASK.atoms)
 STEPS = (pick("a", "p"), put("a", "q"), pick("b", "p"), put("b", "r"))
-REPLAN = Decision(DecisionKind.REPLAN, "it failed")
-GIVE_UP = Decision(DecisionKind.GIVE_UP_GOAL, "it failed again")
+FAILED = (Cause(Reason.STEP_FAILED),)
+CONTINUE = Decision(DecisionKind.CONTINUE, (Cause(Reason.AS_EXPECTED),))
+REPLAN = Decision(DecisionKind.REPLAN, FAILED)
+GIVE_UP = Decision(DecisionKind.GIVE_UP_GOAL, FAILED)
 
 
 MONITOR = ThresholdMonitor(TASK.atoms)
@@ -68,7 +72,7 @@ def test_a_plan_is_carried_out_step_by_step() -> None:
     turn = run_state.turn(SkillResult(STEPS[0], SkillStatus.DONE))
     assert turn.verdict.satisfied
     assert (turn.rest, turn.planned, turn.looks, turn.doubts) == ((0, 1, 2), 3, 1, {})
-    run_state = run_state.judged(turn, Decision(DecisionKind.CONTINUE, "as expected"))
+    run_state = run_state.judged(turn, CONTINUE)
     assert run_state.left == STEPS[1:]
     assert run_state.todo == (1, 2, 3)
 
@@ -97,9 +101,7 @@ def test_a_failure_is_counted_where_the_step_was_begun_from() -> None:
 def test_a_step_that_comes_out_is_stuck_no_longer_and_its_failures_are_counted_anew() -> None:
     run_state = planned().failed(STEPS[0], START, GIVE_UP).failed(STEPS[2], START, GIVE_UP)
     run_state = looked(dispatched(run_state), GRIPPED, 1)
-    run_state = run_state.judged(
-        run_state.turn(SkillResult(STEPS[0], SkillStatus.DONE)), Decision(DecisionKind.CONTINUE, "")
-    )
+    run_state = run_state.judged(run_state.turn(SkillResult(STEPS[0], SkillStatus.DONE)), CONTINUE)
     assert run_state.failing(STEPS[0], START) == (1, 1)
     assert run_state.failing(STEPS[2], START) == (2, 2)
     assert run_state.hung_on(STEPS, START, Leeway.NONE) == {STEPS[2]}
@@ -175,7 +177,7 @@ def test_what_is_assumed_is_known_but_was_never_seen() -> None:
 
 def test_a_decision_is_told_with_what_is_believed_and_which_look_said_so() -> None:
     run_state = looked(dispatched(planned()), START.without([at("b", "p")]), 4)
-    told = run_state.grounded(Decision(DecisionKind.RETRY, "missed", (held("a"), at("b", "p"), at("b", "q"))))
+    told = run_state.grounded(Decision(DecisionKind.RETRY, FAILED, (held("a"), at("b", "p"), at("b", "q"))))
     assert told.report == SkillResult(STEPS[0], SkillStatus.DONE)
     assert told.grounds == (
         Ground(held("a"), True, False, 0.0, 4, ("front",)),
@@ -185,7 +187,7 @@ def test_a_decision_is_told_with_what_is_believed_and_which_look_said_so() -> No
 
 
 def test_a_goal_is_seen_by_the_looks_after_the_last_action() -> None:
-    reached = Decision(DecisionKind.STOP, "", outcome=OutcomeKind.GOAL_REACHED)
+    reached = Decision(DecisionKind.STOP, (Cause(Reason.GOAL_SEEN),), outcome=OutcomeKind.GOAL_REACHED)
     there = Facts.closed({at("a", "q"), at("b", "r"), FREE}, TASK.atoms)
     run_state = looked(dispatched(planned()), there, 1)
     assert run_state.ended(reached).goal_seen
@@ -201,11 +203,11 @@ def test_a_goal_is_seen_by_the_looks_after_the_last_action() -> None:
 
 def test_given_up_goals_are_those_that_are_no_longer_gone_for() -> None:
     rest = Condition.literal(at("b", "r"))
-    run_state = planned().giving_up("a is gone").planned(Plan((), 0.0, "", 0.0), rest)
+    run_state = planned().giving_up(FAILED).planned(Plan((), 0.0, "", 0.0), rest)
     assert (run_state.goal, run_state.given_up, run_state.given_up_why) == (
         rest,
         Condition.literal(at("a", "q")),
-        "a is gone",
+        FAILED,
     )
     assert run_state.replans == 1
 

@@ -20,6 +20,7 @@ from executive.protocols import SkillContext
 from executive.trace.report.summary import summarise
 from executive.types import (
     Atom,
+    Cause,
     Compared,
     Decision,
     DecisionKind,
@@ -33,6 +34,7 @@ from executive.types import (
     Observation,
     OutcomeKind,
     Plan,
+    Reason,
     Revised,
     SkillResult,
     SkillStatus,
@@ -80,14 +82,18 @@ def kinds(stage: Stage) -> list[DecisionKind]:
     return [decision.kind for decision in stage.recorder.of(Decision)]
 
 
-def reasons(stage: Stage, kind: DecisionKind) -> list[str]:
-    return [decision.reason for decision in stage.recorder.of(Decision) if decision.kind is kind]
+def causes(stage: Stage, kind: DecisionKind) -> list[tuple[Cause, ...]]:
+    return [decision.causes for decision in stage.recorder.of(Decision) if decision.kind is kind]
+
+
+def failed(some: Step, status: SkillStatus, detail: str = "", code: Reason = Reason.SKILL_FAILED) -> Cause:
+    return Cause(code, steps=(str(some),), status=status, detail=detail)
 
 
 def test_00_all_goes_well() -> None:
     stage = two()
     ended = stage.play()
-    assert ended == Ended(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", True, (), 4, 4, 0, 5)
+    assert ended == Ended(OutcomeKind.GOAL_REACHED, (Cause(Reason.GOAL_SEEN),), True, (), 4, 4, 0, 5)
     assert dispatched(stage) == PLAN_BOTH
     assert set(kinds(stage)) == {DecisionKind.CONTINUE, DecisionKind.STOP}
 
@@ -97,7 +103,8 @@ def test_01_a_failure_that_a_skill_reports_is_a_failure_and_the_next_step_is_not
     assert stage.play().outcome is OutcomeKind.GOAL_REACHED
     assert stage.recorder.of(SkillResult)[0].status is SkillStatus.NO_PATH
     assert dispatched(stage)[:2] == [pick("a", "p"), pick("a", "p")]
-    assert "reports no path: no motion was found" in reasons(stage, DecisionKind.RETRY)[0]
+    cause = failed(pick("a", "p"), SkillStatus.NO_PATH, "no motion was found")
+    assert causes(stage, DecisionKind.RETRY)[0][0] == cause
 
 
 def test_02_a_success_that_a_skill_reports_is_checked() -> None:
@@ -106,7 +113,10 @@ def test_02_a_success_that_a_skill_reports_is_checked() -> None:
     assert stage.goal_true
     assert stage.recorder.of(SkillResult)[0].done
     assert dispatched(stage) == [pick("a", "p"), pick("a", "p"), put("a", "q")]
-    assert "held(a) not seen as expected" in reasons(stage, DecisionKind.RETRY)[0]
+    assert any(
+        cause.code is Reason.EFFECT_MISSING and held("a") in cause.atoms
+        for cause in causes(stage, DecisionKind.RETRY)[0]
+    )
 
 
 def test_03_a_drop_in_mid_transfer_ends_the_skill_early_and_the_time_saved_is_told() -> None:
@@ -118,8 +128,9 @@ def test_03_a_drop_in_mid_transfer_ends_the_skill_early_and_the_time_saved_is_to
     (drop,) = [event for event in events if isinstance(event.payload, FaultInjected)]
     (end,) = [e for e in events if isinstance(e.payload, SkillResult) and e.payload.status is SkillStatus.DROPPED]
     assert drop.time <= end.time < drop.time + 1.0
-    told = " ".join(decision.reason for decision in stage.recorder.of(Decision))
-    assert "reports dropped: the hand is empty (2.0 s early)" in told
+    (cause,) = {cause for each in stage.recorder.of(Decision) for cause in each.causes if cause.status}
+    assert (cause.code, cause.detail) == (Reason.SKILL_FAILED, "the hand is empty")
+    assert cause.seconds == pytest.approx(2.0)
 
 
 def test_04_what_lands_elsewhere_is_fetched_from_there() -> None:
@@ -130,8 +141,12 @@ def test_04_what_lands_elsewhere_is_fetched_from_there() -> None:
     assert dispatched(stage) == [*PLAN_BOTH[:2], pick("a", "r"), put("a", "q"), *PLAN_BOTH[2:]]
     (revised,) = stage.recorder.of(Revised)
     assert revised.changed == Facts({at("a", "q"): False, at("a", "r"): True})
-    assert reasons(stage, DecisionKind.REPLAN) == [
-        "place(a,q) did not come out; at(a,q) not seen as expected; seen instead: at(a,r)"
+    assert causes(stage, DecisionKind.REPLAN) == [
+        (
+            Cause(Reason.STEP_FAILED, steps=("place(a,q)",)),
+            Cause(Reason.EFFECT_MISSING, (at("a", "q"),)),
+            Cause(Reason.SEEN_INSTEAD, (at("a", "r"),)),
+        )
     ]
 
 
@@ -149,7 +164,7 @@ def test_06_a_precondition_that_is_false_at_dispatch_is_waited_for_but_never_for
     stage.planner = FakePlanner([], [too_soon] * 20)
     ended = stage.play()
     assert ended.outcome is OutcomeKind.GAVE_UP
-    assert "place(a,q) cannot begin: held(a) does not hold" in ended.reason
+    assert Cause(Reason.PRECONDITION_UNMET, literals=("held(a)",), steps=("place(a,q)",)) in ended.causes
     assert dispatched(stage) == []
     assert ended.looks <= 1 + 2 * (stage.settings.max_retries + 2)
 
@@ -198,7 +213,8 @@ def test_08_what_is_seen_overrides_a_failure_that_did_not_happen() -> None:
     stage = one(script={1: "humble"})
     ended = stage.play()
     assert (ended.outcome, ended.actions, ended.replans) == (OutcomeKind.GOAL_REACHED, 2, 0)
-    assert "reports grasp missed: felt nothing" in reasons(stage, DecisionKind.CONTINUE)[1]
+    cause = failed(pick("a", "p"), SkillStatus.GRASP_MISSED, "felt nothing", Reason.SKILL_FAILED_YET_SEEN)
+    assert causes(stage, DecisionKind.CONTINUE)[1][0] == cause
 
 
 def test_09_going_in_circles_is_noticed_and_has_a_name() -> None:
@@ -206,8 +222,11 @@ def test_09_going_in_circles_is_noticed_and_has_a_name() -> None:
     ended = stage.play()
     assert ended.outcome is OutcomeKind.GAVE_UP
     assert ended.actions == stage.settings.max_retries + 2
-    assert "pick(a,p) reports unreachable" in ended.reason
-    assert "4 times from the same known facts" in ended.reason
+    cause = ended.causes[0]
+    assert (cause.code, cause.steps, cause.status) == (
+        Reason.SKILL_FAILED, ("pick(a,p)",), SkillStatus.UNREACHABLE,
+    )  # fmt: skip
+    assert Cause(Reason.FAILED_WITH_SAME_FACTS, count=4) in ended.causes
 
 
 def test_09_another_order_is_tried_before_that() -> None:
@@ -223,7 +242,7 @@ def test_09_what_remains_impossible_costs_its_own_goal_alone() -> None:
     stage.skill = StubbornSkill([pick("a", "p")], SkillStatus.UNREACHABLE)
     ended = stage.play()
     assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("at(a,q)",))
-    assert "pick(a,p) reports unreachable: it never works" in ended.reason
+    assert failed(pick("a", "p"), SkillStatus.UNREACHABLE, "it never works") in ended.causes
     assert stage.world.where["b"] == "r"
 
 
@@ -264,8 +283,8 @@ def test_13_an_effect_that_cannot_be_seen_is_unknown_with_its_last_value_and_age
     ended = stage.play()
     assert ended.outcome is OutcomeKind.PARTIAL
     assert ended.unreached == ("at(a,q)",)
-    told = [reason for reason in reasons(stage, DecisionKind.LOOK_AGAIN) if reason.startswith("cannot tell")]
-    assert told[0] == "cannot tell at(a,q) (last seen 2 cycles ago)"
+    told = [each for each in causes(stage, DecisionKind.LOOK_AGAIN) if each[0].code is Reason.CANNOT_TELL]
+    assert told[0] == (Cause(Reason.CANNOT_TELL, (at("a", "q"),), (2,)),)
     assert all(state[at("a", "q")] is False for state, _ in stage.planner.asked)
 
 
@@ -280,7 +299,8 @@ def test_13_what_is_hidden_for_a_while_keeps_its_last_value() -> None:
     ended = stage.play()
     assert (ended.outcome, ended.actions, ended.replans) == (OutcomeKind.GOAL_REACHED, 4, 0)
     assert ended.looks > 5
-    assert any("at(b,p) (last seen 1 cycle ago)" in reason for reason in reasons(stage, DecisionKind.CONTINUE))
+    doubts = [cause for each in causes(stage, DecisionKind.CONTINUE) for cause in each if cause.ages]
+    assert any((at("b", "p"), 1) in zip(cause.atoms, cause.ages, strict=True) for cause in doubts)
 
 
 @pytest.mark.parametrize(
@@ -334,8 +354,11 @@ def test_15_a_believed_state_without_a_plan_is_looked_at_again_first() -> None:
     assert [no.reason for no in stage.recorder.of(NoPlan)] == [NoPlanReason.UNSOLVABLE]
 
 
-@pytest.mark.parametrize("reason", [NoPlanReason.TIMED_OUT, NoPlanReason.CRASHED])
-def test_16_timed_out_crashed_and_unsolvable_stay_apart(reason: NoPlanReason) -> None:
+@pytest.mark.parametrize(
+    ("reason", "code"),
+    [(NoPlanReason.TIMED_OUT, Reason.PLANNER_TIMED_OUT), (NoPlanReason.CRASHED, Reason.PLANNER_CRASHED)],
+)
+def test_16_timed_out_crashed_and_unsolvable_stay_apart(reason: NoPlanReason, code: Reason) -> None:
     again = one()
     again.planner = FakePlanner([pick("a", "p"), put("a", "q")], [NoPlan(reason)])
     assert (again.play().outcome, len(again.planner.asked)) == (OutcomeKind.GOAL_REACHED, 2)
@@ -343,16 +366,16 @@ def test_16_timed_out_crashed_and_unsolvable_stay_apart(reason: NoPlanReason) ->
     never.planner = FakePlanner([], [NoPlan(reason, "after 30 s")] * 9)
     ended = never.play()
     assert (ended.outcome, len(never.planner.asked)) == (OutcomeKind.NO_PLAN, 2)
-    assert f"{reason}: after 30 s" in ended.reason
+    assert ended.causes == (Cause(code, count=2, detail="after 30 s"),)
     unsolvable = one()
     unsolvable.planner = FakePlanner([])
-    assert "unsolvable" in unsolvable.play().reason
+    assert Reason.UNSOLVABLE in unsolvable.play().codes
 
 
 def test_17_a_goal_that_holds_already_needs_no_action_and_one_look() -> None:
     stage = Stage(A_TO_Q, {"a": "q"})
     ended = stage.play()
-    assert ended == Ended(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", True, (), 0, 0, 0, 1)
+    assert ended == Ended(OutcomeKind.GOAL_REACHED, (Cause(Reason.GOAL_SEEN),), True, (), 0, 0, 0, 1)
     assert [plan.steps for plan in stage.recorder.of(Plan)] == [()]
 
 
@@ -376,7 +399,7 @@ def test_18_help_from_outside_is_taken_and_the_rest_of_the_plan_kept() -> None:
     ended = stage.play()
     assert (ended.outcome, ended.replans, ended.actions) == (OutcomeKind.GOAL_REACHED, 0, 2)
     assert dispatched(stage) == PLAN_BOTH[:2]
-    assert "2 of 3 steps no longer needed" in reasons(stage, DecisionKind.CONTINUE)[1]
+    assert Cause(Reason.STEPS_UNNEEDED, count=2, total=3) in causes(stage, DecisionKind.CONTINUE)[1]
     assert [order.index for order in stage.recorder.of(Dispatched)] == [0, 1]
 
 
@@ -414,7 +437,7 @@ def test_20_cancelled_in_the_middle_of_a_skill() -> None:
 def test_20_ctrl_c_in_the_middle_of_a_skill() -> None:
     stage = one(script={2: "interrupt"})
     ended = stage.play()
-    assert (ended.outcome, ended.reason) == (OutcomeKind.INTERRUPTED, "interrupted")
+    assert (ended.outcome, ended.codes) == (OutcomeKind.INTERRUPTED, (Reason.INTERRUPTED,))
     assert [result.status for result in stage.recorder.of(SkillResult)] == [SkillStatus.DONE, SkillStatus.CANCELLED]
     assert stage.recorder.closed == 1
 
@@ -426,7 +449,8 @@ def test_21_a_skill_that_raises_ends_the_run_as_crashed_with_the_trace_whole(
     stage = two(script={2: "raise"}, blind=blind)
     ended = stage.play()
     assert ended.outcome is OutcomeKind.CRASHED
-    assert ended.reason == "the skill for place(a,q) crashed: RuntimeError: a bug in the skill"
+    detail = "RuntimeError: a bug in the skill"
+    assert ended.causes == (Cause(Reason.SKILL_CRASHED, steps=("place(a,q)",), detail=detail),)
     assert [result.status for result in stage.recorder.of(SkillResult)] == [SkillStatus.DONE, SkillStatus.CRASHED]
     assert (isinstance(stage.recorder.events[-1].payload, Ended), stage.recorder.closed) == (True, 1)
     assert "a bug in the skill" in caplog.text, "the traceback is logged"
@@ -448,7 +472,9 @@ def test_21_a_part_that_dies_ends_the_run_as_crashed_and_is_named(
     monkeypatch.setattr(getattr(stage, name), method, _raise)
     ended = stage.play()
     assert ended.outcome is OutcomeKind.CRASHED
-    assert ended.reason.startswith(f"{stages}: OSError: the cable came off (in _raise")
+    (cause,) = ended.causes
+    assert (cause.code, cause.what) == (Reason.STAGE_FAILED, stages)
+    assert cause.detail.startswith("OSError: the cable came off (in _raise")
     assert (isinstance(stage.recorder.events[-1].payload, Ended), stage.recorder.closed) == (True, 1)
     assert "Traceback" in caplog.text
 
@@ -479,15 +505,18 @@ def test_22_a_negative_precondition_that_is_violated_is_not_dispatched() -> None
     stage.planner = FakePlanner([], [Plan((step,), 1.0, "a planner with a bug", 0.0)] * 9)
     ended = stage.play()
     assert dispatched(stage) == []
-    assert (ended.outcome, "at(b,q) holds" in ended.reason) == (OutcomeKind.GAVE_UP, True)
+    assert ended.outcome is OutcomeKind.GAVE_UP
+    assert any("not at(b,q)" in cause.literals for cause in ended.causes)
 
 
 def test_25_a_thing_out_of_reach_costs_its_own_goal_alone_and_is_named() -> None:
     stage = two(script={2: f"land {FLOOR}"})
     ended = stage.play()
     assert (ended.outcome, ended.goal_seen, ended.unreached) == (OutcomeKind.PARTIAL, False, ("at(a,q)",))
-    assert ended.reason == (
-        "what was left of the goal is seen to hold; at(a,q) was given up: the planner answers unsolvable"
+    assert ended.causes == (
+        Cause(Reason.REST_OF_GOAL_SEEN),
+        Cause(Reason.GIVEN_UP_BEFORE, literals=("at(a,q)",)),
+        Cause(Reason.UNSOLVABLE),
     )
     assert stage.world.where == {"a": FLOOR, "b": "r"}
     (given_up,) = [d for d in stage.recorder.of(Decision) if d.kind is DecisionKind.GIVE_UP_GOAL]
@@ -535,7 +564,7 @@ def test_26_an_eye_that_goes_blind_ends_the_run_by_name(since: int) -> None:
     )
     ended = stage.play()
     assert (ended.outcome, ended.goal_seen) == (OutcomeKind.GAVE_UP, False)
-    assert ended.reason.startswith("nothing can be seen")
+    assert ended.codes == (Reason.NOTHING_SEEN,)
     assert ended.looks == since + stage.settings.max_looks_again
 
 
@@ -584,7 +613,7 @@ def test_30_a_plan_without_the_step_that_is_stuck_is_asked_for_before_a_goal_is_
     ended = stage.play()
     assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("at(a,q)",))
     assert stage.world.where["b"] == "r"
-    assert "place(a,q) reports no path" in ended.reason
+    assert any((cause.steps, cause.status) == (("place(a,q)",), SkillStatus.NO_PATH) for cause in ended.causes)
     assert frozenset({put("a", "q")}) in stage.planner.avoided
 
 
@@ -642,5 +671,7 @@ def test_31_a_step_that_never_works_while_others_move_by_chance_costs_its_own_go
     stage.skill = others_move  # type: ignore[assignment]
     ended = stage.play()
     assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("at(a,q)",))
-    assert "at(a,q) was given up: pick(a,p)" in ended.reason
+    given_up = ended.codes.index(Reason.GIVEN_UP_BEFORE)
+    assert ended.causes[given_up].literals == ("at(a,q)",)
+    assert ended.causes[given_up + 1].steps == ("pick(a,p)",)
     assert dispatched(stage).count(never) <= stage.settings.bearable(status) + 1

@@ -29,6 +29,7 @@ from executive.types import (
     Atom,
     Belief,
     Blinded,
+    Cause,
     Compared,
     Condition,
     Decision,
@@ -41,6 +42,7 @@ from executive.types import (
     Looked,
     NoPlan,
     Plan,
+    Reason,
     Revised,
     SkillResult,
     SkillStatus,
@@ -150,8 +152,9 @@ def test_03_and_04_example_1_of_the_paper(prepared: Prepared) -> None:
     dropped = of(seen, SkillResult)[3]
     assert dropped.status is SkillStatus.DROPPED
     assert dropped.planned_seconds - dropped.seconds > 0.5
-    told = " ".join(decision.reason for decision in of(seen, Decision))
-    assert f"{dropped.planned_seconds - dropped.seconds:.1f} s early" in told
+    early = [cause.seconds for decision in of(seen, Decision) for cause in decision.causes if cause.status]
+    assert early == [dropped.planned_seconds - dropped.seconds] * len(early)
+    assert early
     changed = of(seen, Revised)[0].changed
     assert changed.entails(Facts.parse("on-table(cereal-box,black-table)", "not on-table(cereal-box,white-table)"))
     assert (summary["outcome"], summary["goal_seen"], summary["goal_true"]) == ("goal-reached", True, True)
@@ -200,7 +203,7 @@ def test_09_what_fails_again_and_again_ends_with_a_name(prepared: Prepared) -> N
     summary = run.execute()
     assert (summary["outcome"], summary["unreached"]) == ("gave-up", [str(ON_WOOD)])
     assert summary["actions"] == run.config.settings().max_retries + 2
-    assert "no collision-free motion" in of(seen, Ended)[0].reason
+    assert "no collision-free motion" in of(seen, Ended)[0].causes[0].detail
 
 
 def test_13_what_cannot_be_seen_for_a_while_keeps_its_last_value_and_grows_old(prepared: Prepared) -> None:
@@ -232,8 +235,9 @@ def test_18_help_from_outside_is_taken_and_the_rest_of_the_plan_kept(prepared: P
     summary = run.execute()
     assert (summary["outcome"], summary["goal_true"], summary["replans"]) == ("goal-reached", True, 0)
     assert orders(seen) == ["pick(milk-carton,black-table)", "place(milk-carton,white-table)"]
-    told = " ".join(decision.reason for decision in of(seen, Decision))
-    assert "2 of 3 steps no longer needed" in told
+    assert Cause(Reason.STEPS_UNNEEDED, count=2, total=3) in [
+        cause for decision in of(seen, Decision) for cause in decision.causes
+    ]
 
 
 def test_19_a_motion_that_does_not_exist_is_a_failure_of_its_own_kind_that_repeats(prepared: Prepared) -> None:
@@ -291,7 +295,7 @@ def test_26_without_any_camera_nothing_is_known_and_the_run_stops_by_name(prepar
     run, seen = prepared(faults=("camera:black@1-",))
     summary = run.execute()
     assert (summary["outcome"], summary["goal_seen"]) == ("gave-up", False)
-    assert "nothing can be seen" in of(seen, Ended)[0].reason
+    assert of(seen, Ended)[0].codes == (Reason.NOTHING_SEEN,)
     assert summary["actions"] == 1
     assert not of(seen, Judged)[-1].seen
 

@@ -30,6 +30,7 @@ from executive.types import (
     ALWAYS,
     Atom,
     Belief,
+    Cause,
     Condition,
     Ended,
     Event,
@@ -47,7 +48,7 @@ from executive.types import (
 )
 from executive.util import timeout
 from executive.util.timeout import LateError, undisturbed, within
-from tests.fakes import FakeWorld, Stage, at, pick
+from tests.fakes import FakeWorld, Stage, at, budget, pick
 
 SOON = 0.05
 
@@ -235,7 +236,7 @@ def test_a_run_whose_skill_hangs_ends_by_name() -> None:
     assert ended.outcome is OutcomeKind.GAVE_UP
     results = stage.recorder.of(SkillResult)
     assert [result.status for result in results] == [SkillStatus.TIMED_OUT] * count
-    assert "did not stop when asked to" in ended.reason
+    assert any("did not stop when asked to" in cause.detail for cause in ended.causes)
     assert isinstance(stage.recorder.events[-1].payload, Ended)
 
 
@@ -243,18 +244,18 @@ def test_a_run_whose_skill_hangs_ends_by_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("settings", "reason"),
+    ("settings", "cause"),
     [
-        (Settings(max_looks=3), "the budget of 3 looks is used up"),
-        (Settings(max_cycles=2), "the budget of 2 cycles is used up"),
-        (Settings(max_actions=1), "the budget of 1 actions is used up"),
-        (Settings(max_seconds=0.0), "the budget of 0 seconds is used up"),
+        (Settings(max_looks=3), budget("looks", 3)),
+        (Settings(max_cycles=2), budget("cycles", 2)),
+        (Settings(max_actions=1), budget("actions", 1)),
+        (Settings(max_seconds=0.0), budget("seconds", 0)),
     ],
 )
-def test_a_budget_that_is_used_up_ends_the_run(settings: Settings, reason: str) -> None:
+def test_a_budget_that_is_used_up_ends_the_run(settings: Settings, cause: Cause) -> None:
     stage = Stage(Facts({at("a", "q"): True, at("b", "q"): True}), {"a": "p", "b": "p"}, settings=settings)
     ended = stage.play()
-    assert (ended.outcome, ended.reason) == (OutcomeKind.GAVE_UP, reason)
+    assert (ended.outcome, ended.causes) == (OutcomeKind.GAVE_UP, (cause,))
 
 
 # The record.
@@ -324,7 +325,7 @@ def test_a_full_disk_ends_the_run_and_the_record_says_so(
     Disk(monkeypatch, tmp_path, ROOM + room)
     ended, events = recorded_run(tmp_path)
     assert ended.outcome is OutcomeKind.INTERRUPTED
-    assert "No space left on device" in ended.reason
+    assert "No space left on device" in ended.causes[0].detail
     assert events[-1].payload == ended
     assert not (tmp_path / ".room").exists()
 
@@ -347,7 +348,7 @@ def test_a_disk_that_is_lost_for_good_leaves_whole_lines(tmp_path: Path, monkeyp
     monkeypatch.setattr(Path, "unlink", lost)
     ended, events = recorded_run(tmp_path)
     assert ended.outcome is OutcomeKind.INTERRUPTED
-    assert "Read-only file system" in ended.reason
+    assert "Read-only file system" in ended.causes[0].detail
     assert events
     assert (tmp_path / EVENTS_FILE).read_bytes().endswith(b"\n")
 

@@ -38,6 +38,7 @@ from tests.fakes import (
     StubbornSkill,
     Ticking,
     at,
+    budget,
     held,
     put,
     steps_of,
@@ -133,7 +134,7 @@ def test_goals_that_were_given_up_are_given_up_again_without_a_planner() -> None
 def test_a_plan_that_the_budget_did_not_allow_is_not_taken_up_again() -> None:
     stage = two(script={2: "land r"}, settings=Settings(max_replans=0))
     ended = stage.play()
-    assert (ended.outcome, ended.reason) == (OutcomeKind.GAVE_UP, "the budget of 0 replans is used up")
+    assert (ended.outcome, ended.causes) == (OutcomeKind.GAVE_UP, (budget("replans", 0),))
     repeats(stage.recorder.events, stage.monitor)
 
 
@@ -158,7 +159,7 @@ def test_a_run_whose_time_was_up_ends_there_again(limit: int, monkeypatch: pytes
     ended = stage.play()
     assert clock.now <= limit + 1
     if ended.outcome is not OutcomeKind.PARTIAL:
-        assert ended.reason == f"the budget of {limit} seconds is used up"
+        assert ended.causes == (budget("seconds", limit),)
     repeats(stage.recorder.events, stage.monitor)
 
 

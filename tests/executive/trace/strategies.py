@@ -16,6 +16,7 @@ from executive.types import (
     Atom,
     Belief,
     Blinded,
+    Cause,
     Compared,
     Condition,
     Contradiction,
@@ -46,6 +47,7 @@ from executive.types import (
     Plan,
     Probed,
     Questions,
+    Reason,
     Remembered,
     Resumed,
     Revised,
@@ -144,13 +146,24 @@ results = st.builds(
 grounds_of_decisions = st.builds(Ground, atoms, maybe, maybe, st.none() | shares, st.integers(-1, 99), cameras)
 
 
+causes = st.lists(
+    st.builds(
+        Cause, st.sampled_from(Reason), st.lists(atoms, max_size=3).map(tuple),
+        st.lists(st.none() | counts, max_size=3).map(tuple), st.lists(texts, max_size=2).map(tuple),
+        st.lists(texts, max_size=2).map(tuple), st.none() | st.sampled_from(SkillStatus), texts, counts, seconds,
+        seconds, texts,
+    ),
+    min_size=1, max_size=3,
+).map(tuple)  # fmt: skip
+
+
 @st.composite
 def decisions(draw: st.DrawFn) -> Decision:
     kind = draw(st.sampled_from(DecisionKind))
     outcome = draw(st.sampled_from(OutcomeKind)) if kind is DecisionKind.STOP else None
     evidence = tuple(draw(st.lists(atoms, max_size=3)))
     grounds = tuple(draw(st.lists(grounds_of_decisions, max_size=2)))
-    return Decision(kind, draw(texts), evidence, outcome, grounds, draw(st.none() | results))
+    return Decision(kind, draw(causes), evidence, outcome, grounds, draw(st.none() | results))
 
 
 RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
@@ -192,7 +205,7 @@ RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
     Blinded: st.builds(Blinded, texts, texts, counts),
     Timing: st.builds(Timing, texts, seconds),
     Ended: st.builds(
-        Ended, st.sampled_from(OutcomeKind), texts, st.booleans(), st.lists(texts, max_size=3).map(tuple),
+        Ended, st.sampled_from(OutcomeKind), causes, st.booleans(), st.lists(texts, max_size=3).map(tuple),
         counts, counts, counts, counts,
     ),
 }  # fmt: skip

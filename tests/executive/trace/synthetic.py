@@ -20,6 +20,7 @@ from executive.types import (
     Atom,
     Belief,
     Camera,
+    Cause,
     Compared,
     Condition,
     Decision,
@@ -39,6 +40,7 @@ from executive.types import (
     Payload,
     Phase,
     Plan,
+    Reason,
     Revised,
     Scenery,
     SkillResult,
@@ -203,7 +205,7 @@ def _events(run: str) -> tuple[Event, ...]:
     true = [Atom("on-table", pair) for pair in stands.items()]
     facts = Facts.closed([*true, Atom("robot-gripper-empty")], the_task.atoms)
     tape.look("start", facts)
-    tape.emit(Decision(DecisionKind.CONTINUE, "every atom is known"))
+    tape.emit(Decision(DecisionKind.CONTINUE, (Cause(Reason.ALL_KNOWN),)))
     steps = [step for item in ("cereal-box", "milk-carton") for step in _fetch(item, "wood-table", "white-table")]
     tape.plan(steps)
 
@@ -217,12 +219,9 @@ def _events(run: str) -> tuple[Event, ...]:
     tape.cycle += 1
     look = tape.look("confirm the goal", facts)
     tape.compare("goal", the_task.goal.facts, facts, look)
-    tape.emit(
-        Decision(DecisionKind.STOP, "the goal is seen to hold", tuple(the_task.goal.facts), OutcomeKind.GOAL_REACHED)
-    )
-    tape.emit(
-        Ended(OutcomeKind.GOAL_REACHED, "the goal is seen to hold", True, (), tape.cycle, tape.action, 1, tape.looks)
-    )
+    causes = (Cause(Reason.GOAL_SEEN),)
+    tape.emit(Decision(DecisionKind.STOP, causes, tuple(the_task.goal.facts), OutcomeKind.GOAL_REACHED))
+    tape.emit(Ended(OutcomeKind.GOAL_REACHED, causes, True, (), tape.cycle, tape.action, 1, tape.looks))
     return tuple(tape.events)
 
 
@@ -237,7 +236,7 @@ def _carry_out(tape: Tape, step: Step, index: int, facts: Facts, attempt: int = 
     _act(tape, step)
     tape.result(step, SkillStatus.DONE, "", began)
     _check(tape, step, after, after)
-    tape.emit(Decision(DecisionKind.CONTINUE, "the effects are seen", tuple(step.unconditional)))
+    tape.emit(Decision(DecisionKind.CONTINUE, (Cause(Reason.AS_EXPECTED),), tuple(step.unconditional)))
     return after
 
 
@@ -257,7 +256,7 @@ def _drop(tape: Tape, step: Step, index: int, facts: Facts) -> Facts:
     seen = facts | Facts.parse(f"not robot-gripping({item})", f"on-table({item},wood-table)", "robot-gripper-empty()")
     _check(tape, step, facts | step.unconditional, seen)
     evidence = (Atom("on-table", (item, "white-table")), Atom("on-table", (item, "wood-table")))
-    tape.emit(Decision(DecisionKind.REPLAN, f"{item} is not where place should have put it", evidence))
+    tape.emit(Decision(DecisionKind.REPLAN, (Cause(Reason.EFFECT_MISSING, evidence[:1]),), evidence))
     tape.emit(Revised(seen, Facts({atom: value for atom, value in seen.items() if facts[atom] is not value})))
     return seen
 
@@ -270,9 +269,9 @@ def _retry(tape: Tape, step: Step, index: int, facts: Facts) -> Facts:
     tape.result(step, SkillStatus.GRASP_MISSED, "the fingers met", began)
     look = tape.look(f"after {step}", facts, unanswered=[gripping])
     tape.compare("effects", after, facts.without([gripping]), look)
-    tape.emit(Decision(DecisionKind.LOOK_AGAIN, "one effect cannot be told", (gripping,)))
+    tape.emit(Decision(DecisionKind.LOOK_AGAIN, (Cause(Reason.CANNOT_TELL, (gripping,), (1,)),), (gripping,)))
     _check(tape, step, after, facts)
-    tape.emit(Decision(DecisionKind.RETRY, "the grasp missed, first time", (gripping,)))
+    tape.emit(Decision(DecisionKind.RETRY, (Cause(Reason.TRY, count=2, total=3),), (gripping,)))
     return _carry_out(tape, step, index, facts, attempt=2)
 
 

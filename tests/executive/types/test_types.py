@@ -12,12 +12,14 @@ from hypothesis import strategies as st
 from executive.types import (
     Atom,
     Belief,
+    Cause,
     Condition,
     Decision,
     DecisionKind,
     Facts,
     Observation,
     OutcomeKind,
+    Reason,
     SkillResult,
     SkillStatus,
     Step,
@@ -157,9 +159,13 @@ def test_a_verdict_refuses_sets_that_overlap() -> None:
 def test_a_decision_has_an_outcome_exactly_when_it_stops() -> None:
     for kind in DecisionKind:
         stops = kind is DecisionKind.STOP
-        Decision(kind, "why", outcome=OutcomeKind.GAVE_UP if stops else None)
+        causes = (Cause(Reason.AS_EXPECTED), Cause(Reason.TRY, count=1))
+        decision = Decision(kind, causes, outcome=OutcomeKind.GAVE_UP if stops else None)
+        assert (decision.code, decision.codes) == (Reason.AS_EXPECTED, (Reason.AS_EXPECTED, Reason.TRY))
         with pytest.raises(ValueError, match="if and only if"):
-            Decision(kind, "why", outcome=None if stops else OutcomeKind.GAVE_UP)
+            Decision(kind, causes, outcome=None if stops else OutcomeKind.GAVE_UP)
+        with pytest.raises(ValueError, match="cause"):
+            Decision(kind, (), outcome=OutcomeKind.GAVE_UP if stops else None)
 
 
 def test_only_done_is_done() -> None:

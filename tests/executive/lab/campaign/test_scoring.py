@@ -13,12 +13,14 @@ from executive.faults import FaultInjector, parse_fault
 from executive.lab.campaign.scoring import Scorer, Strike, Tally
 from executive.types import (
     Atom,
+    Cause,
     Compared,
     Decision,
     DecisionKind,
     Event,
     Facts,
     FaultInjected,
+    Reason,
     SkillResult,
     SkillStatus,
 )
@@ -102,7 +104,7 @@ def test_an_eye_that_was_made_to_err_is_nothing_to_be_noticed() -> None:
         FaultInjected("estimator", "estimator:wrong@2", 2),
         FaultInjected("drop", "drop@2", 2),
         SkillResult(STEP, SkillStatus.DROPPED),
-        Decision(DecisionKind.CONTINUE, "as expected"),
+        Decision(DecisionKind.CONTINUE, (Cause(Reason.AS_EXPECTED),)),
     ):
         scorer.write(Event(2, 3.0, 0.0, payload))
     assert [strike.noticed for strike in scorer.tally.strikes] == [None, 0.0]

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from executive.errors import InputError
 from executive.faults import FaultInjector, parse_fault
+from executive.trace import phrases
+from executive.trace.phrases import sentence
 from executive.trace.record.log import EventLog, read_events
 from executive.trace.report.explain import explain, print_lines
 from executive.types import Decision, DecisionKind, Event, Facts, FaultInjected, SkillResult
@@ -48,8 +50,7 @@ def test_what_went_wrong_is_told_with_what_it_was_decided_on() -> None:
     (fault,) = stage.recorder.of(FaultInjected)
     assert fault.detail in text
     failed = next(result for result in stage.recorder.of(SkillResult) if not result.done)
-    assert f"The skill said: {failed.status}" in text
-    assert "2.0 s before its planned end" in text
+    assert sentence(phrases.event(failed)) in text
     assert "at(a,q) should be true and is false (P 0.00)" in text
     assert "at(a,q) is false (expected true), P 0.00, by look 2" in text
 
@@ -68,7 +69,7 @@ def test_every_decision_that_is_no_routine_is_told_with_its_reason(looks: dict[i
     decisions = [d for d in stage.recorder.of(Decision) if d.kind is not DecisionKind.CONTINUE]
     assert decisions
     for decision in decisions:
-        assert f": {decision.reason}." in text
+        assert sentence(phrases.event(decision)) in text
 
 
 def test_the_record_alone_tells_the_same(tmp_path: Path) -> None:

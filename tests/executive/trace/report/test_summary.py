@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.trace.report.summary import (
-    STAGES,
     SUMMARY_FILE,
     Collector,
     print_runs,
@@ -20,6 +19,7 @@ from executive.trace.report.summary import (
     summarise,
     write_summary,
 )
+from executive.trace.story.costs import STAGES
 from executive.types import Ended, Event, Motion, Timing
 from tests.executive.trace.strategies import events
 from tests.executive.trace.synthetic import synthetic_events

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from executive.trace.story.story import Mark, Standing, Story
 from executive.types import (
+    Cause,
     Compared,
     Decision,
     DecisionKind,
@@ -17,6 +18,7 @@ from executive.types import (
     OutcomeKind,
     Payload,
     Plan,
+    Reason,
     SkillResult,
     SkillStatus,
     Step,
@@ -26,7 +28,7 @@ from tests.executive.trace.strategies import events
 from tests.executive.trace.synthetic import pick, place, synthetic_events
 
 FIRST, SECOND, THIRD = pick("lemon", "wood-table"), place("lemon", "white-table"), pick("cereal-box", "wood-table")
-CONTINUE = Decision(DecisionKind.CONTINUE, "as expected")
+CONTINUE = Decision(DecisionKind.CONTINUE, (Cause(Reason.AS_EXPECTED),))
 
 
 def told(*payloads: Payload) -> Story:
@@ -103,7 +105,7 @@ def test_a_new_plan_drops_what_the_old_one_left() -> None:
 
 def test_the_end_leaves_nothing_pending() -> None:
     def end(outcome: OutcomeKind) -> list[str]:
-        ended = Ended(outcome, "", False, (), 1, 1, 0, 1)
+        ended = Ended(outcome, (Cause(Reason.GOAL_SEEN),), False, (), 1, 1, 0, 1)
         return marks(told(plan(FIRST, SECOND), Dispatched(FIRST, 1, 1, 0), ended))
 
     assert end(OutcomeKind.GOAL_REACHED) == ["done", "dropped"]
@@ -118,7 +120,7 @@ def test_preconditions_are_told_of_the_step_that_they_belong_to() -> None:
 
 
 def test_what_comes_between_two_plans_is_told_under_the_second() -> None:
-    wait = Decision(DecisionKind.LOOK_AGAIN, "cannot begin")
+    wait = Decision(DecisionKind.LOOK_AGAIN, (Cause(Reason.WAITING, count=1),))
     story = told(plan(FIRST), Dispatched(FIRST, 1, 1, 0), plan(SECOND), wait)
     assert story.plans[1].remarks == [wait]
     assert told(wait).opening == [wait]

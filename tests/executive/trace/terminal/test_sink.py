@@ -18,6 +18,7 @@ from executive.trace.terminal.view import dashboard, event_line, story_lines
 from executive.types import Decision, DecisionKind, Event, Phase, Plan, Started, Timing
 from tests.executive.trace.strategies import events
 from tests.executive.trace.synthetic import pick, synthetic_events
+from tests.fakes import recorded
 
 CURSOR = re.compile(r"\x1b\[[0-9;?]*[A-Za-ln-z]")
 """Any control sequence but a colour, which ends in m."""
@@ -91,7 +92,7 @@ def test_in_a_pipe_there_are_plain_lines_as_things_happen() -> None:
     lines = text.splitlines()
     assert lines[0].strip() == "0.0 s  grocery: breakfast, seed 3, estimator oracle"
     assert any(line.endswith("fault drop@2: the gripper opened in mid-transfer") for line in lines)
-    assert any("replan: cereal-box is not where" in line for line in lines)
+    assert any("replan: on-table(cereal-box,white-table) not seen" in line for line in lines)
     assert lines[-1].endswith("goal-reached: the goal is seen to hold")
     assert all(re.match(r" *\d+\.\d s  \S", line) for line in lines)
 
@@ -136,7 +137,7 @@ def test_the_story_has_no_line_breaks_or_control_characters_of_its_own(some: lis
 
 
 def test_a_message_cannot_move_the_cursor() -> None:
-    rogue = Decision(DecisionKind.REPLAN, "before\x1b[2J\nafter")
+    rogue = Decision(DecisionKind.REPLAN, recorded("before\x1b[2J\nafter"))
     text = show(io.StringIO(), [Event(0, 0.0, 0.0, rogue)])
     assert text.splitlines() == ["    0.0 s  replan: before [2J after"]
 

@@ -22,6 +22,7 @@ from executive.types import (
     Atom,
     Belief,
     Blinded,
+    Cause,
     Compared,
     Contradiction,
     Decision,
@@ -36,6 +37,7 @@ from executive.types import (
     Observation,
     Overruled,
     Payload,
+    Reason,
     Remembered,
     SkillStatus,
     Verdict,
@@ -145,7 +147,7 @@ def test_thresholds_are_those_of_the_monitor_and_of_its_record(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("payload", "level", "says"),
     [
-        (look(7, {LEMON: 0.5}, LookKind.CLOSER)[2], "LOOK", "look 7, closer: 1 atoms through front"),
+        (look(7, {LEMON: 0.5}, LookKind.CLOSER)[2], "LOOK", "look 7: 1 of 9 atoms, closer, through front"),
         (Blinded("hand", "frozen", 3), "LOOK", "camera hand is left out: frozen"),
         (Guarded(LEMON, None, False, 3), "GUARD", f"guard: {LEMON} cannot be told (look 3)"),
         (
@@ -153,11 +155,11 @@ def test_thresholds_are_those_of_the_monitor_and_of_its_record(tmp_path: Path) -
             "GUARD",
             f"guard: {LEMON} is seen no longer (look 3), again: the skill is told",
         ),
-        (Moved("aside", SkillStatus.NO_PATH, "no way", 0.0), "MOVE", "out of the way, aside: no path, no way"),
+        (Moved("aside", SkillStatus.NO_PATH, "no way", 0.0), "MOVE", "out of the way, aside: no path (no way), 0.0 s"),
         (
             judged(1, {}, overruled=(Overruled(LEMON, True, 0.9, None, 0.4),)),
             "LOOK",
-            f"{LEMON}: seen true (0.90), cannot be told",
+            f"the look says that {LEMON} is true (P 0.90); with what else is known it cannot be told (P 0.40)",
         ),
         (
             judged(1, {}, contradictions=(Contradiction({LEMON: 0.9, GONE: 0.8}, {LEMON: 0.9, GONE: 0.1}),)),
@@ -187,6 +189,6 @@ def test_what_was_amiss_and_the_goal_are_shown_where_there_is_not_room_for_all(t
 
 
 def test_what_goes_by_itself_is_not() -> None:
-    routine = Decision(DecisionKind.CONTINUE, "as expected")
+    routine = Decision(DecisionKind.CONTINUE, (Cause(Reason.AS_EXPECTED),))
     for payload in (routine, *look(7, {LEMON: 0.5}), Guarded(LEMON, True, False, 3), judged(1, {LEMON: 0.9})):
         assert log_lines(payload, story_of([])) == []

@@ -20,6 +20,7 @@ from executive.trace.viewer.sink import RerunSink
 from executive.types import Decision, DecisionKind, Event, FaultInjected, Frame, Phase, Scenery
 from executive.util.requirements import has_display
 from tests.executive.trace.synthetic import ITEMS, scenery, synthetic_events
+from tests.fakes import recorded
 
 STAMPS = {"cycle", "sim_time", "wall"}
 
@@ -106,9 +107,9 @@ def test_atoms_that_never_changed_nor_surprised_are_left_out(contents: Contents)
 def test_the_log_tells_faults_decisions_and_plans(contents: Contents) -> None:
     for line in (
         "fault drop@2: the gripper opened in mid-transfer",
-        "replan: cereal-box is not where place should have put it",
-        "plan 2: 4 steps",
-        "skill: place(cereal-box,white-table) dropped, the gripper closed on nothing",
+        "replan: on-table(cereal-box,white-table) not seen as expected",
+        "plan 2, 4 steps",
+        "place cereal-box white-table reports dropped (the gripper closed on nothing)",
         "goal-reached: the goal is seen to hold",
     ):
         assert line in " ".join(" ".join(contents.texts).split()), "in as many lines as it takes"
@@ -127,7 +128,7 @@ def test_what_the_viewer_cannot_draw_never_reaches_it(tmp_path: Path) -> None:
         synthetic_events()[0],
         Event(0, 0.0, 0.1, Phase(rogue)),
         Event(0, 0.0, 0.1, FaultInjected(rogue, rogue, 1, rogue)),
-        Event(0, 0.0, 0.2, Decision(DecisionKind.REPLAN, rogue)),
+        Event(0, 0.0, 0.2, Decision(DecisionKind.REPLAN, recorded(rogue))),
     ]
     texts = Contents(written(tmp_path, some)).texts
     assert "replan: naïve ?? ? ?[2J ?" in texts
@@ -150,7 +151,7 @@ def test_killed_in_the_middle_it_can_still_be_read(tmp_path: Path) -> None:
     run = subprocess.run([sys.executable, "-c", script, str(tmp_path)], capture_output=True, check=False, timeout=120)
     assert run.returncode == -signal.SIGKILL
     contents = Contents(tmp_path / TRACE_FILE)
-    assert "plan 2: 4 steps" in contents.texts
+    assert "plan 2, 4 steps" in contents.texts
     assert contents.moving["/world/cameras/overview"] == 7, "every look until then"
     assert contents.static["/world/item/lemon/part-10"] == 1
 
