@@ -88,6 +88,12 @@ def test_a_former_name_is_found_with_a_warning(module: str, former: str, now: st
         assert getattr(importlib.import_module(module), former) is getattr(executive, now)
 
 
+def test_the_former_reason_of_a_decision_is_its_causes_in_words() -> None:
+    decision = executive.Decision(executive.DecisionKind.REPLAN, (executive.Cause(executive.Reason.WAY_AROUND),))
+    with pytest.warns(FutureWarning, match=r"executive\.why"):
+        assert getattr(decision, "reason") == executive.why(decision)  # noqa: B009  (no type knows of it)
+
+
 def test_the_example_of_the_former_readme_still_imports() -> None:
     program = "from executive.assemble import RunConfig, run\nfrom executive.loop import Executive\n"
     shown = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -18,9 +18,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.errors import InputError
+from executive.trace.phrases import why
 from executive.trace.record.log import EVENTS_FILE, MOTION_POINTS, EventLog, read_events
 from executive.trace.record.pictures import to_jpeg
-from executive.types import Event, Frame, Motion, Observation, Phase, Scenery, Timing
+from executive.types import (
+    Cause,
+    Decision,
+    DecisionKind,
+    Ended,
+    Event,
+    Frame,
+    Motion,
+    Observation,
+    OutcomeKind,
+    Phase,
+    Reason,
+    Scenery,
+    Timing,
+)
 from tests.executive.trace.strategies import RECORDED, events, same
 from tests.executive.trace.synthetic import synthetic_events
 
@@ -168,6 +183,31 @@ def test_a_disk_that_fills_up_leaves_whole_lines(tmp_path: Path, monkeypatch: py
     assert [event.cycle for event in read_events(tmp_path)] == [1, 3]
 
 
+def test_a_decision_is_recorded_in_codes_for_programs_and_in_words_for_people(tmp_path: Path) -> None:
+    causes = (Cause(Reason.BUDGET_SPENT, what="looks", total=3), Cause(Reason.RECORDED, detail="\ud800"))
+    decision = Decision(DecisionKind.STOP, causes, outcome=OutcomeKind.GAVE_UP)
+    log = EventLog(tmp_path)
+    log.write(Event(1, 0.0, 0.0, decision))
+    log.close()
+    data = json.loads((tmp_path / EVENTS_FILE).read_text())["data"]
+    assert data["causes"][0] == {"code": "budget-spent", "what": "looks", "total": 3}
+    assert data["reason"] == why(decision).replace("\ud800", "?")
+    (read,) = read_events(tmp_path)
+    assert isinstance(read.payload, Decision)
+    assert read.payload.causes[0] == causes[0]
+
+
+@pytest.mark.parametrize("kind", [Decision, Ended])
+def test_a_record_from_before_there_were_codes_keeps_its_words(tmp_path: Path, kind: type) -> None:
+    words = "nothing is left to do, but cannot tell at(a,p)"
+    rest = {"goal_seen": False, "unreached": [], "cycles": 1, "actions": 1, "replans": 0, "looks": 3}
+    data = {"kind": "stop", "outcome": "gave-up", "reason": words, **rest}
+    (tmp_path / EVENTS_FILE).write_text(line(type=kind.__name__, data=data) + "\n")
+    (read,) = read_events(tmp_path)
+    assert isinstance(read.payload, Decision | Ended)
+    assert (read.payload.codes, why(read.payload)) == ((Reason.RECORDED,), words)
+
+
 def line(**changes: object) -> str:
     base = {"v": 1, "type": "Phase", "cycle": 1, "time": 0.5, "wall": 0.5, "data": {"name": "grip"}}
     return json.dumps({key: value for key, value in {**base, **changes}.items() if value is not ...})
@@ -198,6 +238,8 @@ def line(**changes: object) -> str:
         (line(wall="nan"), "or after nan s"),
         (line(time=-1e300), "no run has events at -1e"),
         (line(type="Ended", data={"outcome": "partial", "reason": "\ud800"}), "reason: half a character is no text"),
+        (line(type="Ended", data={"outcome": "partial"}), "reason: expected a text"),
+        (line(type="Ended", data={"outcome": "partial", "causes": [{"code": "mood"}]}), "causes: code: 'mood' is not"),
         (line(type="Decision", data={"kind": "dance", "reason": ""}), "kind: 'dance' is not a valid DecisionKind"),
         (line(type="Observation", data={"id": 0, "time": 0, "images": [], "joints": []}), "images: expected an object"),
         (
