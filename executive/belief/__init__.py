@@ -9,6 +9,7 @@ from executive.belief.bayes_filter import BayesMonitor
 from executive.belief.interface import Judgement, Memory, Monitor, Thresholds
 from executive.belief.mutex_inference import Group, MutexNetwork
 from executive.belief.sensor_model import EXACT, ErrorModel, SensorModel
+from executive.belief.state_space import StateSpace
 from executive.belief.threshold import ThresholdMonitor
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "Monitor",
     "MutexNetwork",
     "SensorModel",
+    "StateSpace",
     "ThresholdMonitor",
     "Thresholds",
 ]

@@ -1,12 +1,16 @@
-"""The monitor with consistency and memory: a Bayes filter over the states that the mutex groups allow.
+"""The monitor with consistency and memory: a Bayes filter over the states that a task can be in.
 
 The posterior probability of a state is proportional to the likelihood of the answers, times the prior that the action
-model computes from the belief before; states that violate a mutex group have probability 0. Between actions the belief
-is kept as one marginal for each atom. Together with the groups these stand for a distribution over states in which
-atoms of different groups are independent except for the atoms that the groups share (the Bethe form, exact if the
-groups' overlaps form no cycle, as with items and a gripper; an assumed density filter, Boyen and Koller 1998). After an
-action the belief is a mixture of three such distributions, one for each outcome (`executive.belief.action_model`). It
-stays a mixture until the next action, so that all looks in between contribute to which outcome it was.
+model computes from the belief before. After an action the belief is a mixture of three distributions, one for each
+outcome (`executive.belief.action_model`). It stays a mixture until the next action, so that all looks in between
+contribute to which outcome it was.
+
+Where the task's states are listed (`executive.belief.state_space`), the filter is exact over them. Else, and as far as
+an accident may have led to a state that no action leads to, states that violate a mutex group have probability 0, and
+between actions the belief is kept as one marginal for each atom. Together with the groups these stand for a
+distribution over states in which atoms of different groups are independent except for the atoms that the groups share
+(the Bethe form, exact if the groups' overlaps form no cycle, as with items and a gripper; an assumed density filter,
+Boyen and Koller 1998).
 """
 
 from __future__ import annotations
@@ -17,12 +21,15 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
-from executive.belief.action_model import ActionModel, affected, skill_evidence, with_effects
+from executive.belief.action_model import ActionModel, Chances, affected, skill_evidence, with_effects
 from executive.belief.interface import Judgement, Thresholds
 from executive.belief.last_known import LastKnown
 from executive.belief.mutex_inference import MutexNetwork
+from executive.belief.priors import Listed, Prior, Weighted, predict
+from executive.belief.priors import posterior as listed_posterior
 from executive.belief.sensor_model import LEAST_EVIDENCE, PastEvidence, SensorModel
-from executive.types import Atom, Belief, Contradiction, Facts, Overruled, SkillResult, SkillStatus, Step
+from executive.belief.state_space import StateSpace
+from executive.types import Atom, Belief, Contradiction, Facts, FloatArray, Overruled, SkillResult, SkillStatus, Step
 
 DEFAULT_THRESHOLDS = Thresholds(0.15, 0.85)
 """The thresholds where no error rate was requested: probabilities in between mean unknown."""
@@ -33,17 +40,24 @@ EMPTY_GROUP = 0.05
 _CERTAIN = 1e3
 """Log-odds far beyond any evidence, to condition on an atom."""
 
+_LEAST = 1e-300
+"""The least probability of a hypothesis that a logarithm is taken of."""
+
 _EDGE = 1e-6
 """Priors are clipped to [_EDGE, 1 - _EDGE]."""
 
 
+ACCIDENT = 0.002
+"""The prior probability, at each moment, that the world has left the states that actions lead to, or come back."""
+
+
 class Hypothesis(NamedTuple):
-    """A possible outcome of the last action: its prior probability, its distribution over states as weights (see
-    `MutexNetwork.solve`), and the logarithm of the distribution's normaliser."""
+    """A possible outcome of the last action: its prior probability, its distribution over states, and whether it is
+    that the action's effects came about."""
 
     chance: float
-    weights: Mapping[Atom, float]
-    log_total: float
+    prior: Prior
+    effects: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +65,7 @@ class BeliefState:
     """The prior for the present moment, and the evidence of the looks at it.
 
     Attributes:
-        hypotheses: the prior, one for each outcome of the last action; if there are several, the first is that its
-            effects came about.
+        hypotheses: the prior, one for each outcome of the last action.
         evidence: the log-likelihood ratios of this moment's answers, atom by atom.
         marginal: each atom's posterior probability; None before the first look.
         before, now: the last known values before this moment's looks, and with them.
@@ -77,6 +90,8 @@ class _Posterior(NamedTuple):
     best: frozenset[Atom]
     chances: tuple[float, ...]
     log_best: float
+    is_listed: bool
+    """Whether the most probable state is one of those that are listed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +105,7 @@ class BayesMonitor:
         thresholds: by predicate; `DEFAULT_THRESHOLDS` for those that it does not name.
         carried: by action, the atom that is true while its skill carries something (see `Step.about`); the gripper's
             own sensing is evidence about it, besides the looks.
+        space: the states that the task's actions lead to, if they are listed.
     """
 
     network: MutexNetwork
@@ -97,6 +113,7 @@ class BayesMonitor:
     actions: ActionModel | None = field(default_factory=ActionModel)
     thresholds: Mapping[str, Thresholds] = field(default_factory=lambda: MappingProxyType({}))
     carried: Mapping[str, tuple[str, tuple[int, ...]]] = field(default_factory=lambda: MappingProxyType({}))
+    space: StateSpace | None = None
     _uniform: Mapping[Atom, float] = field(init=False, repr=False)
     _partners: Mapping[Atom, frozenset[Atom]] = field(init=False, repr=False)
 
@@ -108,14 +125,20 @@ class BayesMonitor:
         }
         object.__setattr__(self, "_partners", partners)
         object.__setattr__(self, "_uniform", self.network.solve({}).marginal)
+        if self.space is not None and self.space.atoms != self.network.atoms:
+            raise ValueError("the listed states are about other atoms than the mutex groups")
 
     def begin(self) -> BeliefState:
-        """Return a prior in which all states are equally probable, but groups are rarely empty (`EMPTY_GROUP`)."""
+        """Return a prior in which all states are equally probable, but groups are rarely empty (`EMPTY_GROUP`), and
+        states that are not listed rarely occur where some are (`ACCIDENT`)."""
         weights = {}
         for atom, groups in self.network.groups_of.items():
             sizes = [len(group.atoms) for group in groups if not group.exact]
             weights[atom] = math.fsum(math.log((1.0 - EMPTY_GROUP) / (EMPTY_GROUP * size)) for size in sizes)
-        return BeliefState((Hypothesis(1.0, weights, self.network.solve(weights).log_total),))
+        allowed = Weighted.of(self.network, weights)
+        if self.space is None:
+            return BeliefState((Hypothesis(1.0, allowed),))
+        return BeliefState((Hypothesis(1.0 - ACCIDENT, Listed.uniform(self.space)), Hypothesis(ACCIDENT, allowed)))
 
     def acted(self, memory: BeliefState, step: Step | None, result: SkillResult | None = None) -> BeliefState:
         if self.actions is None:
@@ -123,18 +146,26 @@ class BayesMonitor:
         marginal, process_noise = memory.marginal or self._posterior(memory).marginal, self.actions.process_noise
         unchanged = self._with_noise(marginal, process_noise)
         undetermined: frozenset[Atom] = frozenset()
+        chances = Chances(0.0, 1.0, 0.0)
         if step is None:
-            outcomes = [(1.0, unchanged)]
+            outcomes = [(1.0, unchanged, False)]
         else:
             chances = self.actions.chances(step.action, SkillStatus.DONE if result is None else result.status)
             undetermined = affected(step, self._partners)
             outcomes = [
-                (chances.effects, self._with_noise(with_effects(marginal, step, self._partners), process_noise)),
-                (chances.nothing, unchanged),
-                (chances.other, {**unchanged, **{atom: self._uniform[atom] for atom in undetermined}}),
+                (chances.effects, self._with_noise(with_effects(marginal, step, self._partners), process_noise), True),
+                (chances.nothing, unchanged, False),
+                (chances.other, {**unchanged, **{atom: self._uniform[atom] for atom in undetermined}}, False),
+            ]
+        hypotheses = [Hypothesis(chance, self._weighted(after), effects) for chance, after, effects in outcomes]
+        if self.space is not None:
+            share, before = self._listed(memory)
+            listed = predict(self.space, before, step, chances, undetermined, process_noise)
+            hypotheses = [Hypothesis(share * each.chance, each.prior, each.effects) for each in listed] + [
+                each._replace(chance=(1.0 - share) * each.chance) for each in hypotheses
             ]
         return BeliefState(
-            tuple(self._hypothesis(*outcome) for outcome in outcomes),
+            tuple(hypotheses),
             before=memory.now,
             now=memory.now,
             earlier=MappingProxyType(self._carry_evidence(memory, marginal, unchanged, undetermined)),
@@ -156,11 +187,13 @@ class BayesMonitor:
             belief=replace(raw, probability=decided, unanswered=frozenset(self.network.atoms) - decided.keys()),
             seen=seen,
             probability=MappingProxyType(dict(marginal)),
-            state=self._state(posterior.best, evidence, seen, now.facts),
+            state=Facts.closed(posterior.best, self.network.atoms)
+            if posterior.is_listed
+            else self._state(posterior.best, evidence, seen, now.facts),
             contradictions=self._contradictions(answers, marginal),
             overruled=tuple(self._overruled(answers, seen, marginal)),
             remembered=now.remembered(seen, cycle, marginal),
-            came_about=posterior.chances[0] if len(posterior.chances) > 1 else None,
+            came_about=self._came_about(memory, posterior),
         )
         return replace(memory, marginal=marginal, now=now), judgement
 
@@ -199,7 +232,24 @@ class BayesMonitor:
         earlier = memory.earlier.get(atom)
         return evidence if earlier is None else self.sensor_model.increment(evidence, earlier)
 
-    def _hypothesis(self, chance: float, marginal: Mapping[Atom, float]) -> Hypothesis:
+    def _came_about(self, memory: BeliefState, posterior: _Posterior) -> float | None:
+        """Return the probability that the last action had its effects; None if there was none."""
+        effects = [each.effects for each in memory.hypotheses]
+        if not any(effects):
+            return None
+        return math.fsum(chance for chance, own in zip(posterior.chances, effects, strict=True) if own)
+
+    def _listed(self, memory: BeliefState) -> tuple[float, FloatArray]:
+        """Return the prior probability, at the next moment, that the state is a listed one, and the posterior
+        probability of each listed state if it is."""
+        parts = [(each.chance, each.prior) for each in memory.hypotheses if isinstance(each.prior, Listed)]
+        chances = self._posterior(memory).chances
+        share = math.fsum(
+            chance for chance, each in zip(chances, memory.hypotheses, strict=True) if isinstance(each.prior, Listed)
+        )
+        return (1.0 - ACCIDENT) * share + ACCIDENT * (1.0 - share), listed_posterior(parts, self._evidence(memory))
+
+    def _weighted(self, marginal: Mapping[Atom, float]) -> Weighted:
         """Return the distribution over states with these marginals, in Bethe form: the product over groups of the
         probability of the group's true atom (or of none), divided by the surplus factors of shared atoms."""
         clipped = {atom: min(1.0 - _EDGE, max(_EDGE, value)) for atom, value in marginal.items()}
@@ -212,23 +262,24 @@ class BayesMonitor:
             log_true, log_false = math.log(clipped[atom]), math.log1p(-clipped[atom])
             weights[atom] = math.fsum(log_true - none[group] for group in groups)
             weights[atom] += (1 - len(groups)) * (log_true - log_false)
-        return Hypothesis(chance, weights, self.network.solve(weights).log_total)
+        return Weighted.of(self.network, weights)
 
-    def _posterior(self, memory: BeliefState, conditions: Mapping[Atom, float] = MappingProxyType({})) -> _Posterior:
-        """Apply Bayes' rule over outcomes and states. The most probable state is that of the most probable pair of
-        both. `conditions` are log-odds that replace the evidence about their atoms."""
+    def _evidence(self, memory: BeliefState) -> dict[Atom, float]:
+        """Return what this moment's looks and the last skill's report add to the log-odds of each atom."""
         evidence = {
             atom: self._increment(atom, self.sensor_model.pooled(values), memory)
             for atom, values in memory.evidence.items()
         }
         for atom, value in memory.sensed.items():
             evidence[atom] = evidence.get(atom, 0.0) + value
-        evidence = {**evidence, **conditions}
-        answers, logs = [], []
-        for chance, weights, log_total in memory.hypotheses:
-            answer = self.network.solve({atom: weight + evidence.get(atom, 0.0) for atom, weight in weights.items()})
-            answers.append(answer)
-            logs.append(math.log(chance) - log_total)
+        return evidence
+
+    def _posterior(self, memory: BeliefState, conditions: Mapping[Atom, float] = MappingProxyType({})) -> _Posterior:
+        """Apply Bayes' rule over outcomes and states. The most probable state is that of the most probable pair of
+        both. `conditions` are log-odds that replace the evidence about their atoms."""
+        evidence = {**self._evidence(memory), **conditions}
+        answers = [each.prior.solve(evidence) for each in memory.hypotheses]
+        logs = [math.log(max(each.chance, _LEAST)) for each in memory.hypotheses]
         totals = [log + answer.log_total for log, answer in zip(logs, answers, strict=True)]
         shares = [math.exp(total - max(totals)) for total in totals]
         chances = tuple(share / math.fsum(shares) for share in shares)
@@ -239,7 +290,13 @@ class BayesMonitor:
             for atom in self.network.atoms
         }
         heaviest = max(range(len(logs)), key=lambda number: logs[number] + answers[number].log_best)
-        return _Posterior(marginal, answers[heaviest].best, chances, logs[heaviest] + answers[heaviest].log_best)
+        return _Posterior(
+            marginal,
+            answers[heaviest].best,
+            chances,
+            logs[heaviest] + answers[heaviest].log_best,
+            isinstance(memory.hypotheses[heaviest].prior, Listed),
+        )
 
     def _with_noise(self, marginal: Mapping[Atom, float], process_noise: float) -> dict[Atom, float]:
         """Return the marginals mixed with the uniform prior's, which has the weight `process_noise`."""
@@ -252,7 +309,8 @@ class BayesMonitor:
         return self.thresholds.get(atom.predicate, DEFAULT_THRESHOLDS).truth(probability)
 
     def _seen(self, marginal: Mapping[Atom, float], asked: Mapping[Atom, Sequence[float]]) -> Facts:
-        """Return the truth of the answered atoms at their thresholds, and what follows from it by the mutex groups."""
+        """Return the truth of the answered atoms at their thresholds, and what follows from it by the mutex groups,
+        and in the listed states."""
         answered = (atom for atom, values in asked.items() if max(map(abs, values)) >= LEAST_EVIDENCE)
         truth = {atom: self._truth(atom, marginal[atom]) for atom in answered}
         seen = {atom: value for atom, value in truth.items() if value is not None}
@@ -262,6 +320,13 @@ class BayesMonitor:
                 seen.update(dict.fromkeys(unseen, False))
             elif group.exact and len(unseen) == 1 and all(atom in seen for atom in group.atoms if atom != unseen[0]):
                 seen[unseen[0]] = True
+        if self.space is not None:
+            follows = self.space.common(seen)
+            seen |= {
+                atom: value
+                for atom, value in follows.items()
+                if atom not in asked and atom not in seen and self._truth(atom, marginal[atom]) is value
+            }
         return Facts(seen)
 
     def _state(self, best: frozenset[Atom], asked: Mapping[Atom, Sequence[float]], seen: Facts, known: Facts) -> Facts:

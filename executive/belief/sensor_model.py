@@ -10,7 +10,8 @@ whatever its probability.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
@@ -19,6 +20,9 @@ from executive.types import Atom
 
 LEAST_EVIDENCE = math.log(2.0)
 """An answer whose likelihood ratio is below two to one counts as no answer: memory alone never decides an atom."""
+
+UNINFORMATIVE = 0.99
+"""Error rates whose sum is at least this say nothing of an atom."""
 
 _EDGE = 1e-9
 """Probabilities are clipped to [_EDGE, 1 - _EDGE]."""
@@ -55,6 +59,53 @@ class ErrorModel:
         calibrated = self.slope * math.log(clipped / (1.0 - clipped)) + self.bias
         lower = math.log(self.misses / (1.0 - self.false_alarms))
         return min(math.log((1.0 - self.misses) / self.false_alarms), max(lower, calibrated))
+
+
+PRIOR = 10.0
+"""The weight of assumed rates and correlations, in answers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AnswerCounts:
+    """How many answers of each kind there were: yes or no, about a true or a false atom. They can be added up, and
+    taken away again, so that what is learned of all problems but one costs no more than a difference."""
+
+    counts: Counter[tuple[Atom, bool, bool]] = field(default_factory=Counter)
+    """By atom, its truth, and whether the answer was yes."""
+    predicates: Counter[tuple[str, bool, bool]] = field(default_factory=Counter)
+    """The same by predicate."""
+
+    @classmethod
+    def of(cls, answers: Iterable[tuple[Atom, bool, bool]]) -> AnswerCounts:
+        """Count answers: of each the atom, whether it was yes, and the truth."""
+        counts = Counter((atom, truth, yes) for atom, yes, truth in answers)
+        predicates: Counter[tuple[str, bool, bool]] = Counter()
+        for (atom, truth, yes), number in counts.items():
+            predicates[atom.predicate, truth, yes] += number
+        return cls(counts, predicates)
+
+    def __add__(self, other: AnswerCounts) -> AnswerCounts:
+        return AnswerCounts(self.counts + other.counts, self.predicates + other.predicates)
+
+    def __sub__(self, other: AnswerCounts) -> AnswerCounts:
+        return AnswerCounts(self.counts - other.counts, self.predicates - other.predicates)
+
+    def error_model(self, atom: Atom | str, assumed: ErrorModel | None = None) -> ErrorModel:
+        """Return the error rates of answers about an atom, or about all of a predicate given by its name: as counted,
+        with `PRIOR` more answers at the assumed rates, which are the predicate's for an atom if there are no others."""
+        if isinstance(atom, str):
+            true, false = ((self.predicates[atom, truth, yes] for yes in (False, True)) for truth in (True, False))
+            assumed = ErrorModel() if assumed is None else assumed
+        else:
+            true, false = ((self.counts[atom, truth, yes] for yes in (False, True)) for truth in (True, False))
+            assumed = self.error_model(atom.predicate) if assumed is None else assumed
+        missed, seen = true
+        rejected, alarmed = false
+        misses = (missed + PRIOR * assumed.misses) / (missed + seen + PRIOR)
+        false_alarms = (alarmed + PRIOR * assumed.false_alarms) / (rejected + alarmed + PRIOR)
+        if misses + false_alarms >= UNINFORMATIVE:  # the answers say nothing, or the opposite
+            misses = false_alarms = UNINFORMATIVE / 2
+        return ErrorModel(false_alarms, misses, assumed.slope, assumed.bias)
 
 
 class PastEvidence(NamedTuple):

@@ -322,7 +322,7 @@ class DerivedRules:
 
     def __post_init__(self) -> None:
         if self.rules:
-            _ = self._strata
+            _ = self.strata
 
     def __bool__(self) -> bool:
         return bool(self.rules)
@@ -337,7 +337,7 @@ class DerivedRules:
         return {atom: tuple(found) for atom, found in users.items()}
 
     @cached_property
-    def _strata(self) -> tuple[tuple[Atom, ...], ...]:
+    def strata(self) -> tuple[tuple[Atom, ...], ...]:
         """The derived atoms in groups, each of which depends on the one before it and on itself, and there on no
         negation."""
         negated = {atom: frozenset(_negated(rule)) for atom, rule in self.rules.items()}
@@ -361,7 +361,7 @@ class DerivedRules:
         if not self.rules:
             return state
         known = {atom: value for atom, value in state.items() if atom not in self.rules}
-        for stratum in self._strata:
+        for stratum in self.strata:
             sure, possible = (self._fixpoint(stratum, known, wanted) for wanted in ((True,), (True, None)))
             known.update(dict.fromkeys(sure, True))
             known.update(dict.fromkeys(frozenset(stratum) - possible, False))

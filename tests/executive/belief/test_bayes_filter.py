@@ -16,6 +16,7 @@ from executive.belief.action_model import ActionModel, Chances
 from executive.belief.bayes_filter import BayesMonitor, BeliefState
 from executive.belief.interface import Judgement, Thresholds
 from executive.belief.mutex_inference import MutexNetwork
+from executive.belief.priors import Weighted
 from executive.belief.sensor_model import EXACT, ErrorModel, SensorModel
 from executive.types import Atom, Belief, Facts, SkillResult, SkillStatus, Step
 from tests.executive.belief.hands import ATOMS, FLOOR, GROUPS, HAND, NETWORK, PLACES, THINGS, answers, story, truth
@@ -65,12 +66,13 @@ def settled(monitor: BayesMonitor, where: Mapping[str, str]) -> BeliefState:
 def test_looks_are_weighed_by_bayes_rule_over_consistent_states(one: dict[Atom, float], two: dict[Atom, float]) -> None:
     memory, judgement = after(FORGETFUL, Belief(0, one), Belief(1, two))
     (hypothesis,) = memory.hypotheses
+    assert isinstance(hypothesis.prior, Weighted)
     sensor = FORGETFUL.sensor_model
     evidence = {
         atom: sensor.pooled([sensor.evidence(atom, look[atom]) for look in (one, two) if atom in look])
         for atom in one.keys() | two.keys()
     }
-    weight = {atom: hypothesis.weights[atom] + evidence.get(atom, 0.0) for atom in ATOMS}
+    weight = {atom: hypothesis.prior.weights[atom] + evidence.get(atom, 0.0) for atom in ATOMS}
     logs = {true: math.fsum(weight[atom] for atom in true) for true in STATES}
     total = math.fsum(map(math.exp, logs.values()))
     for atom in ATOMS:

@@ -1,0 +1,111 @@
+"""Distributions over a task's states, as a Bayes filter has them before it looks, and how an action changes them.
+
+Either a distribution is given by one weight for each atom, over the states that mutex groups allow, or by the
+probability of each listed state. The second is exact whatever atoms have to do with each other; the first is all that
+there is where states are too many to be listed, and where something may have happened that no action does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from executive.belief.action_model import Chances
+from executive.belief.mutex_inference import MutexNetwork, Solution
+from executive.belief.state_space import StateSpace
+from executive.types import Atom, FloatArray, Step
+
+
+class Prior(Protocol):
+    """A distribution over states."""
+
+    def solve(self, evidence: Mapping[Atom, float]) -> Solution:
+        """Infer the distribution given log-likelihood ratios of atoms; `log_total` is the logarithm of the evidence's
+        likelihood, and `log_best` that of the most probable state's share in it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weighted:
+    """States that mutex groups allow, each with a probability proportional to the product of exp(weight) over its true
+    atoms."""
+
+    network: MutexNetwork
+    weights: Mapping[Atom, float]
+    log_total: float
+
+    @classmethod
+    def of(cls, network: MutexNetwork, weights: Mapping[Atom, float]) -> Weighted:
+        return cls(network, weights, network.solve(weights).log_total)
+
+    def solve(self, evidence: Mapping[Atom, float]) -> Solution:
+        found = self.network.solve({atom: weight + evidence.get(atom, 0.0) for atom, weight in self.weights.items()})
+        return found._replace(log_total=found.log_total - self.log_total, log_best=found.log_best - self.log_total)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Listed:
+    """Listed states, with the logarithm of each one's probability, (N,)."""
+
+    space: StateSpace
+    log_probability: FloatArray
+
+    @classmethod
+    def uniform(cls, space: StateSpace) -> Listed:
+        return cls(space, np.full(len(space), -math.log(len(space))))
+
+    def solve(self, evidence: Mapping[Atom, float]) -> Solution:
+        return self.space.solve(evidence, self.log_probability)
+
+
+class Predicted(NamedTuple):
+    """What an action may have led to: how probable that is, over which states, and whether its effects came about."""
+
+    chance: float
+    prior: Listed
+    effects: bool
+
+
+def posterior(parts: Sequence[tuple[float, Listed]], evidence: Mapping[Atom, float]) -> FloatArray:
+    """Return the probability of each listed state, (N,), given evidence and a mixture of distributions over them."""
+    logs = [math.log(chance) + prior.log_probability for chance, prior in parts if chance > 0.0]
+    total = np.logaddexp.reduce(logs) + parts[0][1].space.sums(evidence)
+    likelihood = np.exp(total - total.max())
+    shares: FloatArray = likelihood / likelihood.sum()
+    return shares
+
+
+def predict(
+    space: StateSpace,
+    before: FloatArray,
+    step: Step | None,
+    chances: Chances,
+    undetermined: Collection[Atom],
+    process_noise: float,
+) -> list[Predicted]:
+    """Return what an action may have led to from listed states of some probability, (N,).
+
+    Where its precondition does not hold, nothing changes. Where something else happened, the undetermined atoms may be
+    anything that goes together with the others. With the probability `process_noise` the state is any at all.
+    """
+    found = [(1.0, before, False)]
+    if step is not None:
+        after = space.successors(step)
+        able = after >= 0
+        reached = np.bincount(after[able], weights=before[able], minlength=len(space))
+        share = float(reached.sum())
+        nothing = np.where(able, chances.nothing, chances.nothing + chances.effects) * before
+        number = space.classes(undetermined)
+        other = (np.bincount(number, weights=before) / np.bincount(number))[number]
+        found = [(float(nothing.sum()), nothing / nothing.sum(), False), (chances.other, other, False)]
+        if share > 0.0:
+            found.insert(0, (chances.effects * share, reached / share, True))
+    kept = []
+    for chance, probability, effects in found:
+        mixed = (1.0 - process_noise) * probability + process_noise / len(space)
+        kept.append(Predicted(chance, Listed(space, np.log(mixed)), effects))
+    return kept

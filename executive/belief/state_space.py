@@ -1,0 +1,308 @@
+"""The states that a task can be in, all of them listed, and exact inference over them.
+
+Where the actions leave few states, as six blocks in four columns have 60,480, they are listed: from a legal state on,
+whatever the grounded actions lead to, breadth first. A listed state keeps every constraint that there is, whether it
+has a name (one of these is true, what is above something is in its column) or not, so nothing has to be found, proved
+or declared. What is computed over the states are sums of one weight for each true atom. States are kept as bits, eight
+atoms in a byte, so that a byte's 256 sums are worked out once and looked up for all states.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from executive.belief.mutex_inference import Group, MutexNetwork, Solution
+from executive.types import Atom, Condition, DerivedRules, FloatArray, Step
+
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
+ByteArray: TypeAlias = npt.NDArray[np.uint8]
+IndexArray: TypeAlias = npt.NDArray[np.int64]
+
+MOST_STATES = 1_000_000
+"""States up to which they are listed."""
+
+MOST_WORK = 5_000_000
+"""Actions times states up to which they are listed: it takes a second or so."""
+
+NO_RULES = DerivedRules()
+
+_BITS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).astype(np.float64)
+"""Row b has the eight bits of the byte b."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StateSpace:
+    """Some states over `atoms`, which are sorted: row by row their bits, in ascending order and each once.
+
+    The order says nothing about where the listing began, so that a tie between states is broken the same from anywhere.
+
+    Raises:
+        ValueError: there is no state, or the rows are none of that kind.
+    """
+
+    atoms: tuple[Atom, ...]
+    packed: ByteArray
+    rules: DerivedRules = NO_RULES
+    """How derived atoms, which no state has, follow from the others."""
+
+    def __post_init__(self) -> None:
+        if list(self.atoms) != sorted(set(self.atoms)):
+            raise ValueError("the atoms of a state space are sorted, and each there once")
+        if self.packed.ndim != 2 or self.packed.shape[1] != _width(len(self.atoms)) or not len(self.packed):
+            raise ValueError(f"expected rows of {_width(len(self.atoms))} bytes, got {self.packed.shape}")
+        if not np.array_equal(_unique(self.packed), self.packed):
+            raise ValueError("the states have to be sorted and different")
+
+    @classmethod
+    def of(cls, atoms: Iterable[Atom], states: Iterable[Collection[Atom]]) -> StateSpace:
+        """Return the space of these states, each given by its true atoms."""
+        known = tuple(sorted(set(atoms)))
+        position = {atom: index for index, atom in enumerate(known)}
+        rows = []
+        for state in states:
+            row = np.zeros(len(known), dtype=np.bool_)
+            row[[position[atom] for atom in state]] = True
+            rows.append(row)
+        return cls(known, _unique(_pack(np.array(rows, dtype=np.bool_).reshape(len(rows), len(known)))))
+
+    @classmethod
+    def reachable(
+        cls,
+        atoms: Iterable[Atom],
+        steps: Sequence[Step],
+        start: Collection[Atom],
+        rules: DerivedRules = NO_RULES,
+        most_states: int = MOST_STATES,
+        most_work: int = MOST_WORK,
+    ) -> StateSpace | None:
+        """List the states that `steps`, the task's grounded actions, lead to from the state in which exactly `start` is
+        true; None if there are too many of them."""
+        known = tuple(sorted(set(atoms)))
+        actions = _Actions(known, steps, rules)
+        first = np.array([[atom in start for atom in known]], dtype=np.bool_)
+        frontier = found = _pack(first)
+        seen = _keys(found)
+        while len(frontier):
+            if len(found) > most_states or len(found) * len(steps) > most_work:
+                return None
+            states = _unpack(frontier, len(known))
+            after = _unique(np.concatenate([_pack(rows) for rows in actions.successors(states)] or [frontier]))
+            keys = _keys(after)
+            place = np.minimum(np.searchsorted(seen, keys), len(seen) - 1)
+            frontier = after[seen[place] != keys]
+            found = _unique(np.concatenate([found, frontier]))
+            seen = _keys(found)
+        return cls(known, found, rules)
+
+    def __len__(self) -> int:
+        return len(self.packed)
+
+    def true(self, state: int) -> frozenset[Atom]:
+        """Return the true atoms of the state with that number."""
+        return frozenset(self.atoms[index] for index in np.flatnonzero(self._bits(self.packed[state : state + 1])[0]))
+
+    def number(self, true: Collection[Atom]) -> int | None:
+        """Return the number of the state in which exactly these atoms are true; None if it is not listed."""
+        if not set(true) <= set(self.atoms):
+            return None
+        key = _keys(_pack(np.array([[atom in true for atom in self.atoms]], dtype=np.bool_)))
+        found = int(self._find(key)[0])
+        return None if found < 0 else found
+
+    def sums(self, weights: Mapping[Atom, float]) -> FloatArray:
+        """Return for each state the sum of the weights of its true atoms, (N,); an atom without a weight has 0."""
+        padded = np.zeros(8 * self.packed.shape[1])
+        padded[: len(self.atoms)] = [weights.get(atom, 0.0) for atom in self.atoms]
+        total = np.zeros(len(self))
+        for column in range(self.packed.shape[1]):
+            own = padded[8 * column : 8 * column + 8]
+            if own.any():
+                total += (_BITS @ own)[self.packed[:, column]]
+        return total
+
+    def marginals(self, probability: FloatArray) -> dict[Atom, float]:
+        """Return for each atom the probability that it is true, given each state's, (N,)."""
+        parts = [
+            np.bincount(self.packed[:, column], weights=probability, minlength=256) @ _BITS
+            for column in range(self.packed.shape[1])
+        ]
+        values = np.clip(np.concatenate(parts), 0.0, 1.0) if parts else np.zeros(0)
+        return dict(zip(self.atoms, values[: len(self.atoms)].tolist(), strict=True))
+
+    def solve(self, weights: Mapping[Atom, float], log_prior: FloatArray | None = None) -> Solution:
+        """Infer marginals and the most probable state of the distribution in which a state's probability is
+        proportional to its prior times the product of exp(weight) over its true atoms. Without a prior all states are
+        equally probable. A tie goes to the state that is listed first.
+
+        Raises:
+            ValueError: a weight is not finite.
+        """
+        if not all(map(math.isfinite, weights.values())):
+            raise ValueError("weights have to be finite")
+        total = self.sums(weights)
+        if log_prior is not None:
+            total += log_prior
+        best = int(total.argmax())
+        likelihood = np.exp(total - total[best])
+        whole = float(likelihood.sum())
+        return Solution(
+            float(total[best]) + math.log(whole),
+            self.marginals(likelihood / whole),
+            self.true(best),
+            float(total[best]),
+        )
+
+    def successors(self, step: Step) -> IndexArray:
+        """Return the number of the state that `step` leads to from each state, (N,): -1 where its precondition does not
+        hold, or where it leads to a state that is not listed."""
+        found = np.full(len(self), -1, dtype=np.int64)
+        action = _Actions(self.atoms, [step], self.rules)
+        for first in range(0, len(self), _CHUNK):
+            states = _unpack(self.packed[first : first + _CHUNK], len(self.atoms))
+            able, rows = action.applied(states, 0)
+            found[first : first + _CHUNK][able] = self._find(_keys(_pack(rows)))
+        return found
+
+    def classes(self, atoms: Collection[Atom]) -> IndexArray:
+        """Return a number for each state, (N,), from 0: the same for states that agree on all atoms but these."""
+        kept = np.array([[atom not in atoms for atom in self.atoms]], dtype=np.bool_)
+        _, number = np.unique(_keys(self.packed & _pack(kept)), return_inverse=True)
+        return number.astype(np.int64)
+
+    def rules_out_more(self, groups: Sequence[Group]) -> bool:
+        """Whether the listed states are fewer than those that the mutex groups allow, if groups are taken as exact of
+        which every listed state has a true atom."""
+        position = {atom: index for index, atom in enumerate(self.atoms)}
+        kept = []
+        for group in groups:
+            mask = np.zeros((1, len(self.atoms)), dtype=np.bool_)
+            mask[0, [position[atom] for atom in group.atoms if atom in position]] = True
+            kept.append(Group(group.atoms, exact=bool(np.all((self.packed & _pack(mask)).any(axis=1)))))
+        allowed = MutexNetwork(self.atoms, tuple(kept)).solve({})
+        return allowed.approximate or allowed.log_total > math.log(len(self)) + 1e-6
+
+    def common(self, known: Mapping[Atom, bool]) -> dict[Atom, bool]:
+        """Return the atoms that have the same truth in all listed states in which these have theirs, with that truth;
+        nothing if there is no such state. Atoms of other tasks are left out."""
+        told = np.array([[atom in known for atom in self.atoms]], dtype=np.bool_)
+        true = np.array([[bool(known.get(atom)) for atom in self.atoms]], dtype=np.bool_)
+        rows = self.packed[((self.packed & _pack(told)) == _pack(true)).all(axis=1)]
+        if not len(rows):
+            return {}
+        every, some = (
+            _unpack(part.reduce(rows, axis=0, keepdims=True), len(self.atoms))[0]
+            for part in (np.bitwise_and, np.bitwise_or)
+        )
+        return {atom: bool(all_) for atom, all_, any_ in zip(self.atoms, every, some, strict=True) if all_ == any_}
+
+    def _bits(self, packed: ByteArray) -> BoolArray:
+        return _unpack(packed, len(self.atoms))
+
+    def _find(self, keys: _Keys) -> IndexArray:
+        """Return the numbers of the states with these keys; -1 for those that are not listed."""
+        own = _keys(self.packed)
+        place = np.minimum(np.searchsorted(own, keys), len(own) - 1).astype(np.int64)
+        return np.where(own[place] == keys, place, -1)
+
+
+_CHUNK = 65_536
+"""States that are unpacked at a time."""
+
+_Keys: TypeAlias = npt.NDArray[np.generic]
+
+
+class _Actions:
+    """Grounded actions that are applied to many states at once, (N, atoms) each."""
+
+    def __init__(self, atoms: Sequence[Atom], steps: Sequence[Step], rules: DerivedRules) -> None:
+        self._position = {atom: index for index, atom in enumerate(atoms)}
+        self._steps, self._rules = steps, rules
+
+    def successors(self, states: BoolArray) -> Iterable[BoolArray]:
+        """Yield for each action the states that it leads to from those in which it can be done."""
+        derived = self._derived(states)
+        for number in range(len(self._steps)):
+            _, rows = self.applied(states, number, derived)
+            if len(rows):
+                yield rows
+
+    def applied(
+        self, states: BoolArray, number: int, derived: Mapping[Atom, BoolArray] | None = None
+    ) -> tuple[BoolArray, BoolArray]:
+        """Return in which states the action of that number can be done, (N,), and where it leads from these."""
+        step = self._steps[number]
+        derived = self._derived(states) if derived is None else derived
+        able = self._truth(step.precondition, states, derived)
+        before = states[able]
+        derived = {atom: column[able] for atom, column in derived.items()}
+        after = before.copy()
+        happening = [(self._truth(effect.condition, before, derived), effect.facts) for effect in step.effects]
+        for value in (False, True):  # what is both deleted and added is true
+            for where, facts in happening:
+                for atom in facts.true if value else facts.false:
+                    if atom in self._position:
+                        after[where, self._position[atom]] = value
+        return able, after
+
+    def _truth(self, condition: Condition, states: BoolArray, derived: Mapping[Atom, BoolArray]) -> BoolArray:
+        result = np.ones(len(states), dtype=np.bool_)
+        for atom, value in condition.facts.items():
+            result &= self._column(atom, states, derived) == value
+        for choice in condition.choices:
+            either = np.zeros(len(states), dtype=np.bool_)
+            for part in choice:
+                either |= self._truth(part, states, derived)
+            result &= either
+        return result
+
+    def _column(self, atom: Atom, states: BoolArray, derived: Mapping[Atom, BoolArray]) -> BoolArray:
+        if atom in self._position:
+            return states[:, self._position[atom]]
+        return derived[atom] if atom in derived else np.zeros(len(states), dtype=np.bool_)
+
+    def _derived(self, states: BoolArray) -> dict[Atom, BoolArray]:
+        """Compute the derived atoms, stratum by stratum, until nothing more follows."""
+        derived = {atom: np.zeros(len(states), dtype=np.bool_) for atom in self._rules.rules}
+        for stratum in self._rules.strata:
+            changed = True
+            while changed:
+                changed = False
+                for atom in stratum:
+                    column = self._truth(self._rules.rules[atom], states, derived)
+                    if np.any(column & ~derived[atom]):
+                        derived[atom] = column | derived[atom]
+                        changed = True
+        return derived
+
+
+def _width(atoms: int) -> int:
+    return (atoms + 7) // 8
+
+
+def _pack(states: BoolArray) -> ByteArray:
+    return np.packbits(states, axis=1)
+
+
+def _unpack(packed: ByteArray, atoms: int) -> BoolArray:
+    return np.unpackbits(packed, axis=1, count=atoms).astype(np.bool_)
+
+
+def _keys(packed: ByteArray) -> _Keys:
+    """Return one sortable value for each row of bytes, (N,), in the order of the rows."""
+    rows, width = packed.shape
+    if width <= 8:
+        padded = np.zeros((rows, 8), dtype=np.uint8)
+        padded[:, :width] = packed
+        return padded.view(">u8").ravel().astype(np.uint64)
+    return np.ascontiguousarray(packed).view(f"V{width}").ravel()
+
+
+def _unique(packed: ByteArray) -> ByteArray:
+    _, first = np.unique(_keys(packed), return_index=True)
+    return packed[first]

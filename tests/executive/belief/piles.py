@@ -1,0 +1,67 @@
+"""Piles of cups on trays: a task whose states keep more than mutex groups say."""
+
+from __future__ import annotations
+
+import itertools
+
+from executive.belief import StateSpace
+from executive.types import ALWAYS, Atom, Condition, Effect, Facts, Step
+
+CUPS, TRAYS = ("a", "b", "c"), ("s", "t", "u")
+
+
+def on(upper: str, lower: str) -> Atom:
+    return Atom("on", (upper, lower))
+
+
+def at(cup: str, tray: str) -> Atom:
+    return Atom("at", (cup, tray))
+
+
+def top(cup: str) -> Atom:
+    return Atom("top", (cup,))
+
+
+ATOMS = (
+    *(on(upper, lower) for upper in CUPS for lower in CUPS if upper != lower),
+    *(at(cup, tray) for cup in CUPS for tray in TRAYS),
+    *map(top, CUPS),
+)
+
+
+def put(cup: str, tray: str) -> Step:
+    """Take the top cup of a pile and put it on the pile of another tray, where its top is the one below afterwards."""
+    effects = [Effect(ALWAYS, Facts({at(cup, tray): True, top(cup): True}))]
+    for other in CUPS:
+        if other != cup:
+            effects.append(Effect(Condition.literal(on(cup, other)), Facts({on(cup, other): False, top(other): True})))
+            below = Condition.of(Facts({at(other, tray): True, top(other): True}))
+            effects.append(Effect(below, Facts({on(cup, other): True, top(other): False})))
+    effects += [
+        Effect(Condition.literal(at(cup, other)), Facts({at(cup, other): False})) for other in TRAYS if other != tray
+    ]
+    return Step("put", (cup, tray), Condition.of(Facts({top(cup): True, at(cup, tray): False})), tuple(effects))
+
+
+STEPS = tuple(put(cup, tray) for cup in CUPS for tray in TRAYS)
+START = frozenset({at("a", "s"), at("b", "s"), at("c", "t"), on("b", "a"), top("b"), top("c")})
+
+
+def piles() -> list[frozenset[Atom]]:
+    """Every way to pile the cups up on the trays, by hand."""
+    found = []
+    for order in itertools.permutations(CUPS):
+        for first, second in itertools.combinations_with_replacement(range(len(CUPS) + 1), 2):
+            true = set()
+            for tray, pile in zip(TRAYS, (order[:first], order[first:second], order[second:]), strict=True):
+                true |= {at(cup, tray) for cup in pile} | {on(u, low) for low, u in itertools.pairwise(pile)}
+                true |= {top(pile[-1])} if pile else set()
+            found.append(frozenset(true))
+    return found
+
+
+def listed() -> StateSpace:
+    """The states that the actions lead to."""
+    found = StateSpace.reachable(ATOMS, STEPS, START)
+    assert found is not None
+    return found
