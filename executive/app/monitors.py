@@ -22,6 +22,7 @@ from executive.belief import (
 from executive.domain.loader import Domain
 from executive.errors import OptionError
 from executive.planning.mutex_groups import find_mutexes
+from executive.planning.state_listing import list_states
 
 
 def open_monitor(
@@ -31,7 +32,7 @@ def open_monitor(
     seconds: float = 30.0,
     oracle: SensorModel | None = None,
 ) -> Monitor:
-    """Build a run's monitor, and find the task's mutex groups for it.
+    """Build a run's monitor, and find the task's mutex groups and, if there are few, its states for it.
 
     Args:
         estimator: the options of the estimator that it monitors; None for the oracle.
@@ -48,11 +49,11 @@ def open_monitor(
     # What is cheap to check comes first.
     counts = {} if domain.outcomes is None else sensor_fit.load_outcomes(domain.outcomes, domain.parsed.actions)
     sensor, thresholds = _sensor_model(config, domain, estimator, oracle or EXACT)
-    network = MutexNetwork(
-        domain.task.atoms, find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open).groups
-    )
+    found = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
+    network = MutexNetwork(domain.task.atoms, found.groups)
     actions = ActionModel(counts) if config.memory else None
-    return BayesMonitor(network, sensor, actions, thresholds, domain.looking.carried)
+    space = list_states(domain.parsed, found)
+    return BayesMonitor(network, sensor, actions, thresholds, domain.looking.carried, space)
 
 
 def _sensor_model(

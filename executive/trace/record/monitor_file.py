@@ -3,10 +3,14 @@ whatever has become of the domain, of the model and of what is known about it si
 
 from __future__ import annotations
 
+import base64
 import json
+import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from executive.belief import (
     ActionModel,
@@ -17,17 +21,19 @@ from executive.belief import (
     Monitor,
     MutexNetwork,
     SensorModel,
+    StateSpace,
     ThresholdMonitor,
     Thresholds,
 )
 from executive.errors import InputError, nearest
 from executive.trace.record.codec import decode, encode
-from executive.types import Atom, SkillStatus
+from executive.types import Atom, Condition, DerivedRules, SkillStatus
 from executive.util.atomic_write import write_atomic
 from executive.util.files import read_json
 
 FILE = "monitor.json"
 _LARGEST = 20_000_000
+_LARGEST_STATES = 200_000_000
 _FORMAT = 1
 
 
@@ -65,6 +71,10 @@ class _Fused:
     counts: Mapping[str, Mapping[str, tuple[float, ...]]]
     """By action and by what its skill reports."""
     carried: Mapping[str, _Carried] = field(default_factory=dict)
+    states: str = ""
+    """The listed states' bits, compressed, as text; nothing where none are listed."""
+    rules: Mapping[Atom, Condition] = field(default_factory=dict)
+    """How derived atoms follow from those of the listed states."""
 
 
 _KINDS: Mapping[str, type] = {"plain": _Plain, "fused": _Fused}
@@ -110,7 +120,7 @@ def described(monitor: Monitor) -> str:
         case ThresholdMonitor(thresholds=Thresholds(low=low, high=high)):
             return f"threshold {high:g}" if low == high else f"thresholds {low:g} and {high:g}"
         case BayesMonitor():
-            parts = ["consistency"] if monitor.network.groups else []
+            parts = ["consistency"] if monitor.network.groups or monitor.space is not None else []
             parts += ["memory"] if monitor.actions is not None else []
             told = " and ".join(parts) or "neither consistency nor memory"
             return f"{told}, thresholds by predicate" if monitor.thresholds else told
@@ -127,7 +137,34 @@ def _fused(monitor: BayesMonitor) -> _Fused:
         sensor.error_models, sensor.other, sensor.correlation_within, sensor.correlation_across, sensor.atoms
     )
     carried = {action: _Carried(*said) for action, said in monitor.carried.items()}
-    return _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried)
+    kept = _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried)
+    if monitor.space is None:
+        return kept
+    return replace(kept, states=_compressed(monitor.space), rules=monitor.space.rules.rules)
+
+
+def _compressed(space: StateSpace) -> str:
+    return base64.b64encode(zlib.compress(space.packed.tobytes(), 9)).decode()
+
+
+def _listed(text: str, atoms: Sequence[Atom], rules: Mapping[Atom, Condition]) -> StateSpace:
+    """
+    Raises:
+        ValueError: the text is none of `_compressed`.
+    """
+    try:
+        inflate = zlib.decompressobj()
+        data = inflate.decompress(base64.b64decode(text, validate=True), _LARGEST_STATES)
+    except zlib.error as error:
+        raise ValueError(f"states: {error}") from None
+    if inflate.unconsumed_tail:
+        raise ValueError("states: there are too many")
+    known = tuple(sorted(atoms))
+    width = (len(known) + 7) // 8
+    if not width or len(data) % width:
+        raise ValueError("states: they are of another task")
+    packed = np.frombuffer(data, dtype=np.uint8).reshape(-1, width)
+    return StateSpace(known, packed, DerivedRules(rules))
 
 
 def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
@@ -143,4 +180,6 @@ def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
     carried = {action: (said.predicate, said.positions) for action, said in kept.carried.items()}
     eye = kept.eye
     sensor = SensorModel(eye.readings, eye.other, eye.alike, eye.lasting, eye.atoms)
-    return BayesMonitor(MutexNetwork(tuple(atoms), kept.groups), sensor, actions, kept.thresholds, carried)
+    network = MutexNetwork(tuple(atoms), kept.groups)
+    space = _listed(kept.states, atoms, kept.rules) if kept.states else None
+    return BayesMonitor(network, sensor, actions, kept.thresholds, carried, space)

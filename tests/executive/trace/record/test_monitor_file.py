@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import zlib
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,7 +26,8 @@ from executive.belief import (
 )
 from executive.errors import InputError
 from executive.trace.record import monitor_file
-from executive.types import SkillStatus
+from executive.types import Atom, Condition, DerivedRules, SkillStatus
+from tests.executive.belief import piles
 from tests.executive.belief.hands import ATOMS, GROUPS
 from tests.fakes import at
 
@@ -71,6 +76,31 @@ def test_a_monitor_comes_back_as_it_was(tmp_path_factory: pytest.TempPathFactory
     assert (again.network.atoms, again.network.groups) == (monitor.network.atoms, monitor.network.groups)
     assert (again.sensor_model, again.thresholds) == (monitor.sensor_model, monitor.thresholds)
     assert (again.actions, again.carried) == (monitor.actions, monitor.carried)
+
+
+def test_listed_states_come_back_with_what_follows_from_them(tmp_path: Path) -> None:
+    network = MutexNetwork(piles.ATOMS)
+    rules = DerivedRules({Atom("any"): Condition.literal(piles.top("a")) | Condition.literal(piles.top("b"))})
+    space = replace(piles.listed(), rules=rules)
+    monitor_file.save(tmp_path, BayesMonitor(network, space=space))
+    again = monitor_file.load(tmp_path, piles.ATOMS)
+    assert isinstance(again, BayesMonitor)
+    assert again.space is not None
+    assert np.array_equal(again.space.packed, space.packed)
+    assert (again.space.atoms, again.space.rules) == (space.atoms, rules)
+    kept = json.loads((tmp_path / monitor_file.FILE).read_text())
+    for states in ("not base64!", kept["states"][:20], base64.b64encode(b"plain").decode(), _bomb(), _rows(b"\1\0")):
+        (tmp_path / monitor_file.FILE).write_text(json.dumps({**kept, "states": states}))
+        with pytest.raises(InputError, match="is damaged"):
+            monitor_file.load(tmp_path, piles.ATOMS)
+
+
+def _bomb() -> str:
+    return base64.b64encode(zlib.compress(bytes(300_000_000), 9)).decode()
+
+
+def _rows(data: bytes) -> str:
+    return base64.b64encode(zlib.compress(data)).decode()
 
 
 def test_a_monitor_of_ones_own_is_not_kept(tmp_path: Path) -> None:

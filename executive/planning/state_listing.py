@@ -1,0 +1,37 @@
+"""Lists the states of a task where its actions leave few (`executive.belief.state_space`)."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator
+
+from executive.belief.state_space import StateSpace
+from executive.domain.pddl import Schema
+from executive.planning.mutex_groups import Mutexes
+from executive.types import Step
+
+MOST_ACTIONS = 2_000
+"""Grounded actions up to which states are listed."""
+
+
+def list_states(schema: Schema, found: Mutexes) -> StateSpace | None:
+    """The states that the task's actions lead to from its :init; None where they are too many, where :init leaves open
+    what is true, and where the mutex groups say as much: then inference under these is as exact, and they hold after an
+    accident, too."""
+    if found.state != frozenset(schema.task.declared) or _most_actions(schema) > MOST_ACTIONS:
+        return None
+    space = StateSpace.reachable(schema.task.atoms, tuple(_steps(schema)), found.state, schema.task.derived)
+    return space if space is not None and space.rules_out_more(found.groups) else None
+
+
+def _most_actions(schema: Schema) -> int:
+    members = schema.typing.members
+    return sum(math.prod(len(members(kind)) for _, kind in each.parameters) for each in schema.actions.values())
+
+
+def _steps(schema: Schema) -> Iterator[Step]:
+    for name, action in schema.actions.items():
+        for args in schema.typing.tuples([kind for _, kind in action.parameters]):
+            with contextlib.suppress(ValueError):  # this one can never be carried out
+                yield schema.ground(name, args)
