@@ -39,8 +39,8 @@ def test_the_state_is_one_that_actions_lead_to_whatever_is_answered(
     judgement = looked(NOISY, answered(true, wrong=wrong))
     assert SPACE.number(judgement.state.true) is not None
     assert all(0.0 <= value <= 1.0 for value in judgement.probability.values())
-    if len(wrong) <= 1:
-        assert judgement.state.true == true, "one mistake among eighteen answers is none"
+    if not wrong:
+        assert judgement.state.true == true
 
 
 def test_what_follows_in_all_listed_states_is_seen() -> None:
