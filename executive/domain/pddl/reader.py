@@ -15,7 +15,7 @@ from executive.domain.pddl.words import TOTAL_COST, Words, number
 from executive.errors import DomainError, nearest
 from executive.types import ALWAYS, NEVER, Atom, Condition, DerivedRules, Task
 
-MOST_ATOMS = 10_000
+MOST_ATOMS = 50_000
 """Every fluent atom is a question to the estimator; a task with more of them was not meant for one. What is static is
 known, what is derived is computed, and neither counts."""
 
