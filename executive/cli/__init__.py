@@ -20,6 +20,7 @@ from executive.cli.app import (
     main,
 )
 from executive.cli.campaign_commands import bench
+from executive.cli.check_command import check
 from executive.cli.replay_commands import replay
 from executive.cli.run_commands import explain, inspect, resume, run
 from executive.cli.setup_commands import doctor, domains, faults, new
@@ -50,6 +51,7 @@ app.command()(bench)
 app.command()(explain)
 app.command()(replay)
 app.command()(inspect)
+app.command()(check)
 app.command()(domains)
 app.command()(faults)
 app.command()(new)

@@ -52,11 +52,12 @@ log = logging.getLogger(__name__)
 
 
 class Mutexes(NamedTuple):
-    """The mutex groups of a task, sorted, and the legal state (its true atoms) that they were found from, in which
-    exactly one atom of each is true."""
+    """The mutex groups of a task, sorted; the legal state (its true atoms) that they were found from, in which exactly
+    one atom of each is true; and how many grounded actions that state allows (None: the translator failed)."""
 
     groups: tuple[Group, ...]
     state: frozenset[Atom]
+    actions: int | None = None
 
 
 def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = True) -> Mutexes:
@@ -82,7 +83,8 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = T
             said = _run(_INVARIANTS, (), names, declared, deadline)
             state = _Completion(schema, _instances(said, names), deadline).complete()
         sas = _run(TRANSLATOR, _OPTIONS, names, state, deadline)
-        return Mutexes(tuple(sorted(_read(sas, names), key=lambda group: group.atoms)), state)
+        groups = tuple(sorted(_read(sas, names), key=lambda group: group.atoms))
+        return Mutexes(groups, state, sas.count("begin_operator") - 1)  # but for the one that finishes
     except _TranslatorError as failure:
         problem = str(failure)
     except (LookupError, RuntimeError, ValueError) as error:
