@@ -8,7 +8,20 @@ import sys
 
 import pytest
 
-HEAVY = {"daqp", "matplotlib", "mink", "mujoco", "numba", "ompl", "pandas", "PIL", "pydantic", "rerun", "rich"}
+HEAVY = {
+    "daqp",
+    "jinja2",
+    "matplotlib",
+    "mink",
+    "mujoco",
+    "numba",
+    "ompl",
+    "pandas",
+    "PIL",
+    "pydantic",
+    "rerun",
+    "rich",
+}
 HEAVY |= {"robosuite", "scipy", "sklearn", "toppra", "torch", "transformers", "typer", "unified_planning"}
 """What serves one purpose each, and is loaded where that purpose is."""
 
