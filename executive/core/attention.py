@@ -12,14 +12,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from executive.types import Atom, Image, Step
+from executive.types import Atom, Image, PictureFault, Step
 
 DOUBTFUL = 0.02
 """An atom whose probability is further than this from 0 and from 1 is worth a question of its own."""
-
-PLAIN = "its picture is all of one colour"
-FROZEN = "its picture is the one before, bit for bit"
-"""Why a picture tells nothing."""
 
 _FLAT = 8
 """Grey levels (of 255) between the darkest and the brightest value of a picture that shows nothing."""
@@ -84,7 +80,7 @@ def questions(
     return tuple(wanted)[:most]
 
 
-def useless(images: Mapping[str, Image], before: Mapping[str, Image]) -> dict[str, str]:
+def useless(images: Mapping[str, Image], before: Mapping[str, Image]) -> dict[str, PictureFault]:
     """The cameras whose pictures tell nothing, each with the reason.
 
     Args:
@@ -94,7 +90,7 @@ def useless(images: Mapping[str, Image], before: Mapping[str, Image]) -> dict[st
     """
     frozen = {name for name in images.keys() & before.keys() if np.array_equal(images[name], before[name])}
     return {
-        name: PLAIN if _is_plain(image) else FROZEN
+        name: PictureFault.PLAIN if _is_plain(image) else PictureFault.FROZEN
         for name, image in images.items()
         if name in frozen or _is_plain(image)
     }

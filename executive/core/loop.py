@@ -9,22 +9,21 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 from executive.belief import Monitor
 from executive.belief.interface import Judgement
 from executive.core import policy
 from executive.core.compare import compare
 from executive.core.observer import Look, Observer
+from executive.core.planner_queries import PlannerQueries
 from executive.core.policy import OptimisticPlan
-from executive.core.run_state import Leeway, RunState
+from executive.core.run_state import RunState
 from executive.core.session import Session
 from executive.core.settings import Settings
 from executive.errors import InputError
 from executive.protocols import Planner, Preparing, Skill
 from executive.types import (
-    ALWAYS,
-    Atom,
     Belief,
     Cause,
     Compared,
@@ -36,7 +35,6 @@ from executive.types import (
     Facts,
     Judged,
     NoPlan,
-    NoPlanReason,
     Plan,
     Probed,
     Reason,
@@ -90,11 +88,12 @@ class Executive:
             self.observer = observer
         elif initial is None:
             raise InputError("an executive that does not look (it has no estimator) must be told the initial facts")
-        self.planner, self.monitor, self.skills, self._session = planner, monitor, skills, session
+        self.monitor, self.skills, self._session = monitor, skills, session
         self.settings, self.domain, self.name, self._prepare = settings or Settings(), domain, run, prepare
         known = initial if self.is_blind and initial else Facts()
         self.run_state = run_state or RunState(task, task.goal, known, monitor.begin())
         self._emit, self.cancel = session.emit, session.cancel
+        self.queries = PlannerQueries(planner, monitor, session, self.settings.max_goal_plans, self._in_time)
 
     @property
     def seconds(self) -> float:
@@ -159,18 +158,18 @@ class Executive:
     def _make_plan(self) -> Decision:
         """2 and 5. Plan from what is believed."""
         answers = Counter[str]()
-        while isinstance(plan := self._ask(self.run_state.goal, self.run_state.state), NoPlan):
+        while isinstance(plan := self.queries.plan(self.run_state, self.run_state.state), NoPlan):
             self._emit(plan)
             answers[plan.reason] += 1
             decision = policy.unplanned(plan, answers[plan.reason], self.run_state.doubts(self.settings), self.settings)
             if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
                 self._in_time()
                 self._weigh(self.observer.look_again(self.run_state, "there is no plan", decision.evidence))
-            elif decision.kind is DecisionKind.GIVE_UP_GOAL and (found := self._optimistic_plan()) is not None:
+            elif decision.kind is DecisionKind.GIVE_UP_GOAL:
+                if self.is_blind or (found := self.queries.optimistic(self.run_state)) is None:
+                    return self._give_up(decision, is_stuck=bool(plan.without))
                 self._decide(policy.optimistic(decision, found))
                 return self._take_up_optimistic(found)
-            elif decision.kind is DecisionKind.GIVE_UP_GOAL:
-                return self._give_up(decision, is_stuck=bool(plan.without))
             elif decision.kind is not DecisionKind.REPLAN:
                 return decision
         return self._take_up(plan, self.run_state.goal)
@@ -249,9 +248,9 @@ class Executive:
         while True:
             self.run_state = run_state = self.run_state.whole_goal_seen()
             _, verdict = self._compare_condition("goal", run_state.goal, run_state.claimable(self.settings.claim))
-            plan, whole = self._given_another_chance() if verdict.satisfied else (None, run_state.goal)
+            plan, whole = self.queries.with_given_up(run_state) if verdict.satisfied else (None, run_state.goal)
             unsure, dropped = run_state.unsure_of_goal(self.settings.sure), run_state.dropped(plan, whole)
-            redo = self._redo(verdict) if checks > self.settings.max_looks_again else None
+            redo = self.queries.redo(run_state, verdict) if checks > self.settings.max_looks_again else None
             decision = self._decide(
                 policy.finish(run_state.goal, verdict, unsure, checks, dropped, self.settings, redo)
             )
@@ -263,58 +262,14 @@ class Executive:
             self._weigh(self.observer.look_again(run_state, cause, decision.evidence))
             checks += 1
 
-    def _given_another_chance(self) -> tuple[Plan | None, Condition]:
-        """A plan for what was given up, too, or for the first part of it that does not depend on a stuck step, and the
-        goal that it reaches."""
-        goal, wanted = self.run_state.goal, self.run_state.task.goal
-        given_up = self.run_state.given_up.conjuncts
-        if not given_up:
-            return None, goal
-        answer = self._probe(wanted, Leeway.LAST)
-        for part in given_up if answer.without and len(given_up) > 1 else ():
-            if isinstance(answer, Plan):
-                break
-            wanted = self.run_state.task.goal.only((*goal.conjuncts, part))
-            answer = self._probe(wanted, Leeway.LAST)
-        return (None, goal) if isinstance(answer, NoPlan) else (answer, wanted)
-
-    def _redo(self, verdict: Verdict) -> OptimisticPlan | None:
-        """A plan that brings about once more a literal of the goal that looks support, but too weakly for a claim.
-
-        Each literal is tried once.
-        """
-        run_state, judgement = self.run_state, self.run_state.judgement
-        answered = judgement.belief.probability if judgement else {}
-        doubted = [atom for atom in sorted(verdict.unknown & answered.keys()) if atom not in run_state.tried]
-        if verdict.violated or not verdict.holds or not doubted:
-            return None
-        return self._plan_as_if(doubted[0], self.monitor.state_without(run_state.memory, doubted[0]))
-
-    def _optimistic_plan(self) -> OptimisticPlan | None:
-        """A plan for a goal that cannot be reached from the believed state, from a less probable one."""
-        if self.is_blind:
-            return None
-        for atom in self.run_state.possible[: self.settings.max_goal_plans]:
-            self._in_time()
-            if (found := self._plan_as_if(atom, self.monitor.state_with(self.run_state.memory, atom))) is not None:
-                return found
-        return None
-
-    def _plan_as_if(self, atom: Atom, state: Facts | None) -> OptimisticPlan | None:
-        goal = self.run_state.goal
-        if state is None or self.run_state.holds(goal, state):
-            return None
-        plan = self._ask(goal, state)
-        self._emit(_probed(goal, plan))
-        return None if isinstance(plan, NoPlan) else OptimisticPlan(atom, state, plan)
-
     def _take_up_optimistic(self, found: OptimisticPlan) -> Decision:
         self.run_state = self.run_state.assuming(found.state, found.doubted)
         return self._take_up(found.plan, self.run_state.goal)
 
     def _go_around(self, cause: Decision) -> Decision:
         """Leave out a step that fails again and again, where there is a plan for the goal without it."""
-        plan, goal = self._probe(self.run_state.goal), self.run_state.goal
+        goal = self.run_state.goal
+        plan = self.queries.probe(self.run_state, goal)
         if isinstance(plan, NoPlan):
             return self._give_up(cause, is_stuck=True)
         self._decide(policy.goes_around(cause))
@@ -322,25 +277,11 @@ class Executive:
 
     def _give_up(self, cause: Decision, is_stuck: bool) -> Decision:
         """Drop from the goal what cannot be reached, and plan for the rest."""
-        kept, plan, hangs = self._largest(Leeway.NONE)
-        if hangs and kept == ALWAYS:
-            kept, plan, hangs = self._largest(Leeway.CHANGED)
+        kept, plan, hangs = self.queries.largest(self.run_state)
         decision = policy.given_up(cause, self.run_state.goal, kept, is_stuck or hangs)
         self._emit(self.run_state.grounded(decision))
         self.run_state = self.run_state.giving_up(cause.causes)
         return decision if plan is None else self._take_up(plan, kept)
-
-    def _largest(self, leeway: Leeway) -> tuple[Condition, Plan | None, bool]:
-        """The largest part of the goal that can be reached, a plan for it, and whether a stuck step limits it."""
-        without: set[str] = set()
-
-        def plan_for(part: Condition) -> Plan | None:
-            answer = self._probe(part, leeway)
-            without.update(answer.without)
-            return None if isinstance(answer, NoPlan) else answer
-
-        kept, plan = policy.largest_reachable(self.run_state.goal, plan_for, self.settings.max_goal_plans)
-        return kept, plan, bool(without)
 
     def _take_up(self, plan: Plan, goal: Condition) -> Decision:
         if self.run_state.plan is not None and (
@@ -352,52 +293,21 @@ class Executive:
         self.run_state = self.run_state.planned(plan, goal)
         return Decision(DecisionKind.CONTINUE, (Cause(Reason.PLAN_FOUND, count=len(plan.steps)),))
 
-    def _probe(self, goal: Condition, leeway: Leeway = Leeway.NONE) -> Plan | NoPlan:
-        if self.run_state.holds(goal, self.run_state.state):
-            return Plan((), 0.0, "", 0.0)
-        answer = self._plan(goal, self.run_state.state, leeway)
-        self._emit(_probed(goal, answer))
-        return answer
-
-    def _ask(self, goal: Condition, state: Facts) -> Plan | NoPlan:
-        """A plan without the steps that were given up on, or at least not in the same circumstances."""
-        answer = self._plan(goal, state, Leeway.NONE)
-        if isinstance(answer, NoPlan) and answer.without:
-            self._emit(_probed(goal, answer))
-            answer = self._plan(goal, state, Leeway.CHANGED)
-        return answer
-
-    def _plan(self, goal: Condition, state: Facts, leeway: Leeway) -> Plan | NoPlan:
-        """Where the plan depends on a step that is stuck, the planner is asked for one without it, and so on."""
-        avoid: frozenset[Step] = frozenset()
-        while True:
-            self._in_time()
-            with self._session.stage("plan"):
-                answer = self.planner.plan(state, goal, avoid, self.seconds_left)
-            answer = replace(answer, without=tuple(sorted(map(str, avoid))))
-            stuck = frozenset() if isinstance(answer, NoPlan) else self.run_state.hung_on(answer.steps, state, leeway)
-            if not stuck:
-                return answer
-            self._emit(_probed(goal, answer))
-            if stuck <= avoid:
-                said = f"the planner does not do without {', '.join(answer.without)}"
-                return NoPlan(NoPlanReason.UNSOLVABLE, said, without=answer.without)
-            avoid |= stuck
-
     def _weigh(self, look: Look) -> None:
         """Have the monitor weigh one more look into the belief."""
         memory, judgement = self.monitor.looked(self.run_state.memory, look.answers, self.run_state.cycle)
         self._emit(_judged(judgement))
         self.run_state = self.run_state.looked(memory, judgement, look.answers, look.looked)
 
-    def _in_time(self) -> None:
-        """Check the budget of time, before anything that takes time.
+    def _in_time(self) -> float:
+        """Check the budget of time, before anything that takes time, and return the seconds that are left of it.
 
         Raises:
             _TimeIsUpError: the budget of time is used up.
         """
         if stop := policy.exhausted(self.settings, seconds=self.seconds):
             raise _TimeIsUpError(stop)
+        return self.seconds_left
 
     def _compare_condition(self, what: str, condition: Condition, facts: Facts) -> tuple[Facts, Verdict]:
         """The literals by which a condition is judged where `facts` hold, and the verdict on them."""
@@ -423,10 +333,6 @@ class _TimeIsUpError(Exception):
     def __init__(self, decision: Decision) -> None:
         self.decision = decision
         super().__init__(decision.code)
-
-
-def _probed(goal: Condition, answer: Plan | NoPlan) -> Probed:
-    return Probed(goal, None, answer) if isinstance(answer, NoPlan) else Probed(goal, answer)
 
 
 def _judged(judgement: Judgement) -> Judged:

@@ -24,6 +24,7 @@ from executive.types import (
     Looked,
     LookKind,
     Observation,
+    PictureFault,
     Questions,
     Step,
     Timing,
@@ -100,7 +101,7 @@ class CameraObserver:
         self.estimator, self._world, self._session, self._settings = estimator, world, session, settings
         self._attention, self._moves = attention or Attention(), dict(moves or {})
         self._latest: dict[str, Image] = {}
-        self._useless: dict[str, str] = {}
+        self._useless: dict[str, PictureFault] = {}
         self._answered: list[tuple[Mapping[str, Image], frozenset[Atom]]] = []
 
     @property

@@ -232,9 +232,16 @@ class Guarded:
     observation_id: int
 
 
+class PictureFault(StrEnum):
+    """Why a picture tells nothing."""
+
+    PLAIN = "plain"  # it is all of one colour
+    FROZEN = "frozen"  # it is the one before, bit for bit
+
+
 @dataclass(frozen=True, slots=True)
 class Blinded:
-    """A camera whose picture is left out of the look, because it is black or frozen."""
+    """A camera whose picture is left out of the look; `reason` is a `PictureFault`, or what an older record says."""
 
     camera: str
     reason: str

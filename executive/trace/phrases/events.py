@@ -22,6 +22,7 @@ from executive.types import (
     NoPlan,
     Overruled,
     Phase,
+    PictureFault,
     Plan,
     Questions,
     Resumed,
@@ -81,8 +82,14 @@ def contradiction(clash: Contradiction) -> str:
     return f"answers {said} cannot {wrong}: {', '.join(held) or 'none of them is'}"
 
 
+_USELESS: Mapping[str, str] = {
+    PictureFault.PLAIN: "its picture is all of one colour",
+    PictureFault.FROZEN: "its picture is the one before, bit for bit",
+}
+
+
 def blinded(camera: str, cause: str) -> str:
-    return f"camera {camera} is left out: {cause}"
+    return f"camera {camera} is left out: {_USELESS.get(cause, cause)}"
 
 
 def guarded(glance: Guarded) -> str:

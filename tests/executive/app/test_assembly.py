@@ -59,7 +59,7 @@ def test_a_goal_that_is_too_large_for_its_place_is_refused_with_both_sizes(works
 
 def test_no_plan_puts_anything_where_it_does_not_fit(workshop: Path) -> None:
     with prepared(workshop, PLACED, "(on crate tray) (on red-block light-table)") as run:
-        planner, task = run.executive.planner, run.domain.task
+        planner, task = run.executive.queries.planner, run.domain.task
         state = run.truth.of(task.atoms)
         whole, part = planner.plan(state, task.goal), planner.plan(state, Condition.of(BLOCK))
         assert isinstance(whole, NoPlan)

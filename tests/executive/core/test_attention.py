@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.core.attention import FROZEN, PLAIN, Attention, alike, questions, useless
-from executive.types import Atom, Image
+from executive.core.attention import Attention, alike, questions, useless
+from executive.types import Atom, Image, PictureFault
 from tests.fakes import FREE, WATCHED, at, held, pick, put
 
 ATOMS = tuple(sorted(at(thing, place) for thing in "abcdef" for place in "pqrs"))
@@ -91,16 +91,16 @@ BLACK = np.zeros((8, 8, 3), dtype=np.uint8)
 def test_a_picture_of_one_colour_tells_nothing() -> None:
     grey = np.full((8, 8, 3), 127, dtype=np.uint8)
     dim = grey + np.arange(8, dtype=np.uint8)[:, None, None] * 2
-    assert useless({"a": BLACK, "b": grey, "c": dim}, {}) == {"a": PLAIN, "b": PLAIN}
+    assert useless({"a": BLACK, "b": grey, "c": dim}, {}) == {"a": PictureFault.PLAIN, "b": PictureFault.PLAIN}
 
 
 def test_the_same_picture_once_more_is_frozen_until_it_changes() -> None:
     before = {"a": picture(1), "b": picture(2)}
     now = {"a": before["a"].copy(), "b": before["b"] ^ np.uint8(1), "c": picture(3)}
-    assert useless(now, before) == {"a": FROZEN}
+    assert useless(now, before) == {"a": PictureFault.FROZEN}
     assert useless(now, {}) == {}, "nothing to hold it against"
     assert useless({"a": picture(5)}, before) == {}
-    assert useless({"a": BLACK}, {"a": BLACK}) == {"a": PLAIN}
+    assert useless({"a": BLACK}, {"a": BLACK}) == {"a": PictureFault.PLAIN}
 
 
 @given(st.integers(0, 99), st.integers(1, 40), st.integers(1, 40))

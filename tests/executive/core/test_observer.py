@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.belief import ErrorModel, SensorModel, Thresholds
-from executive.core.attention import FROZEN, PLAIN, Attention
+from executive.core.attention import Attention
 from executive.core.settings import Settings
 from executive.protocols import Skill, SkillContext
 from executive.types import (
@@ -29,6 +29,7 @@ from executive.types import (
     Moved,
     Observation,
     OutcomeKind,
+    PictureFault,
     Questions,
     Reason,
     SkillResult,
@@ -209,7 +210,7 @@ def test_a_camera_that_goes_black_is_left_out_and_reported_once(camera: str) -> 
     made.skill.script = {2: lambda world: world.cameras.update({camera: black})}
     assert made.play().outcome is OutcomeKind.GOAL_REACHED
     (blinded,) = made.recorder.of(Blinded)
-    assert (blinded.camera, blinded.reason) == (camera, PLAIN)
+    assert (blinded.camera, blinded.reason) == (camera, PictureFault.PLAIN)
     assert all(camera in cameras for cameras, _ in asked(made)[:2])
     assert all(camera not in cameras for cameras, _ in asked(made)[2:])
 
@@ -242,7 +243,7 @@ def test_a_camera_that_shows_the_same_picture_twice_has_frozen() -> None:
     made.skill.script = {2: freeze}
     assert made.play().outcome is OutcomeKind.GOAL_REACHED
     (blinded,) = made.recorder.of(Blinded)
-    assert (blinded.camera, blinded.reason) == ("front", FROZEN)
+    assert (blinded.camera, blinded.reason) == ("front", PictureFault.FROZEN)
     assert ["front" in cameras for cameras, _ in asked(made)] == [True, True, False, False, False]
 
 

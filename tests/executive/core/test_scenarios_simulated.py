@@ -95,7 +95,7 @@ def again(run: Run) -> tuple[Ended, Recorder]:
     assert isinstance(parts.observer, CameraObserver)
     more = make_executive(
         run.domain.task,
-        parts.planner,
+        parts.queries.planner,
         run.world,
         parts.skills,
         parts.observer.estimator,
@@ -171,7 +171,7 @@ def test_05_grasps_on_nothing_are_tried_again_a_few_times_and_then_planned_anew(
 
 def test_07_the_world_changes_between_planning_and_the_first_dispatch(prepared: Prepared) -> None:
     run, seen = prepared()
-    planner, world = run.executive.planner, run.world
+    planner, world = run.executive.queries.planner, run.world
 
     class Distracted(Planner):
         """Somebody moves the lemon to the white table while it plans for the first time."""
@@ -187,7 +187,7 @@ def test_07_the_world_changes_between_planning_and_the_first_dispatch(prepared: 
                 world.disturb("shove", np.random.default_rng(0), item="lemon", table="white-table")
             return found
 
-    run.executive.planner = Distracted()
+    run.executive.queries.planner = Distracted()
     summary = run.execute()
     assert statuses(seen)[0] is SkillStatus.NOT_THERE
     assert orders(seen)[-2:] == ["pick(lemon,white-table)", "place(lemon,wood-table)"]

@@ -1,0 +1,129 @@
+"""What the loop asks its planner: for a plan around steps that are stuck, for the part of the goal that can be reached,
+and for plans from states that are less probable than the believed one. Nothing here decides anything.
+
+Every answer that is not carried out is emitted as `Probed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from executive.belief import Monitor
+from executive.core.policy import OptimisticPlan, largest_reachable
+from executive.core.run_state import Leeway, RunState
+from executive.core.session import Session
+from executive.protocols import Planner
+from executive.types import ALWAYS, Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Probed, Step, Verdict
+
+
+class PlannerQueries:
+    """Asks the planner on behalf of the loop.
+
+    Args:
+        monitor: knows which states are possible.
+        most: how often the planner may be asked for parts of a goal, and how many less probable states are tried.
+        in_time: returns how many wall seconds are left, and raises an error where there are none.
+    """
+
+    def __init__(
+        self, planner: Planner, monitor: Monitor, session: Session, most: int, in_time: Callable[[], float]
+    ) -> None:
+        self.planner, self._monitor, self._session, self._most = planner, monitor, session, most
+        self._in_time, self._emit = in_time, session.emit
+
+    def plan(self, run_state: RunState, state: Facts) -> Plan | NoPlan:
+        """A plan for the goal without the steps that were given up on, or at least not in the same circumstances."""
+        goal = run_state.goal
+        answer = self._plan(run_state, goal, state, Leeway.NONE)
+        if isinstance(answer, NoPlan) and answer.without:
+            self._emit(probed(goal, answer))
+            answer = self._plan(run_state, goal, state, Leeway.CHANGED)
+        return answer
+
+    def probe(self, run_state: RunState, goal: Condition, leeway: Leeway = Leeway.NONE) -> Plan | NoPlan:
+        """Whether `goal` can be reached from what is believed."""
+        if run_state.holds(goal, run_state.state):
+            return Plan((), 0.0, "", 0.0)
+        answer = self._plan(run_state, goal, run_state.state, leeway)
+        self._emit(probed(goal, answer))
+        return answer
+
+    def largest(self, run_state: RunState) -> tuple[Condition, Plan | None, bool]:
+        """The largest part of the goal that can be reached, a plan for it, and whether a stuck step limits it."""
+        kept, plan, hangs = self._largest(run_state, Leeway.NONE)
+        return self._largest(run_state, Leeway.CHANGED) if hangs and kept == ALWAYS else (kept, plan, hangs)
+
+    def with_given_up(self, run_state: RunState) -> tuple[Plan | None, Condition]:
+        """A plan for what was given up, too, or for the first part of it that does not depend on a stuck step, and the
+        goal that it reaches."""
+        goal, wanted = run_state.goal, run_state.task.goal
+        given_up = run_state.given_up.conjuncts
+        if not given_up:
+            return None, goal
+        answer = self.probe(run_state, wanted, Leeway.LAST)
+        for part in given_up if answer.without and len(given_up) > 1 else ():
+            if isinstance(answer, Plan):
+                break
+            wanted = run_state.task.goal.only((*goal.conjuncts, part))
+            answer = self.probe(run_state, wanted, Leeway.LAST)
+        return (None, goal) if isinstance(answer, NoPlan) else (answer, wanted)
+
+    def optimistic(self, run_state: RunState) -> OptimisticPlan | None:
+        """A plan for a goal that cannot be reached from the believed state, from a less probable one."""
+        for atom in run_state.possible[: self._most]:
+            self._in_time()
+            if (found := self._as_if(run_state, atom, self._monitor.state_with(run_state.memory, atom))) is not None:
+                return found
+        return None
+
+    def redo(self, run_state: RunState, verdict: Verdict) -> OptimisticPlan | None:
+        """A plan that brings about once more a literal of the goal that looks support, but too weakly for a claim.
+
+        Each literal is tried once.
+        """
+        judgement = run_state.judgement
+        answered = judgement.belief.probability if judgement else {}
+        doubted = [atom for atom in sorted(verdict.unknown & answered.keys()) if atom not in run_state.tried]
+        if verdict.violated or not verdict.holds or not doubted:
+            return None
+        return self._as_if(run_state, doubted[0], self._monitor.state_without(run_state.memory, doubted[0]))
+
+    def _as_if(self, run_state: RunState, atom: Atom, state: Facts | None) -> OptimisticPlan | None:
+        if state is None or run_state.holds(run_state.goal, state):
+            return None
+        plan = self.plan(run_state, state)
+        self._emit(probed(run_state.goal, plan))
+        return None if isinstance(plan, NoPlan) else OptimisticPlan(atom, state, plan)
+
+    def _largest(self, run_state: RunState, leeway: Leeway) -> tuple[Condition, Plan | None, bool]:
+        without: set[str] = set()
+
+        def plan_for(part: Condition) -> Plan | None:
+            answer = self.probe(run_state, part, leeway)
+            without.update(answer.without)
+            return None if isinstance(answer, NoPlan) else answer
+
+        kept, plan = largest_reachable(run_state.goal, plan_for, self._most)
+        return kept, plan, bool(without)
+
+    def _plan(self, run_state: RunState, goal: Condition, state: Facts, leeway: Leeway) -> Plan | NoPlan:
+        """Where the plan depends on a step that is stuck, the planner is asked for one without it, and so on."""
+        avoid: frozenset[Step] = frozenset()
+        while True:
+            left = self._in_time()
+            with self._session.stage("plan"):
+                answer = self.planner.plan(state, goal, avoid, left)
+            answer = replace(answer, without=tuple(sorted(map(str, avoid))))
+            stuck = frozenset() if isinstance(answer, NoPlan) else run_state.hung_on(answer.steps, state, leeway)
+            if not stuck:
+                return answer
+            self._emit(probed(goal, answer))
+            if stuck <= avoid:  # the planner does not do without them
+                return NoPlan(NoPlanReason.UNSOLVABLE, without=answer.without)
+            avoid |= stuck
+
+
+def probed(goal: Condition, answer: Plan | NoPlan) -> Probed:
+    """An answer that is not carried out."""
+    return Probed(goal, None, answer) if isinstance(answer, NoPlan) else Probed(goal, answer)
