@@ -34,4 +34,4 @@ def test_what_is_read_and_what_is_refused_is_counted(tmp_path: Path, capsys: pyt
     accepted, refused, *why = capsys.readouterr().out.splitlines()[1:]
     assert accepted.split()[:4] == ["accepted", "3", "2", "66.7%"]
     assert refused.split()[:4] == ["refused", "1", "0", "0.0%"]
-    assert why[0].split() == "accepted, refused 1: actions that take time".split()
+    assert why[0].split() == ["accepted,", "refused", "1:", "actions", "that", "take", "time"]
