@@ -357,7 +357,7 @@ def item_shapes(model: mujoco.MjModel, spec: SceneSpec) -> dict[str, ItemShape]:
         for geom in range(model.ngeom):
             if model.body_rootid[model.geom_bodyid[geom]] != root:
                 continue
-            points = _in_root_frame(model, geom, _geom_points(model, geom))
+            points = in_root_frame(model, geom, _geom_points(model, geom))
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
         axis = 2 if item.shape == "cylinder" else _ROUND.get(item.asset or "")
         shapes[item.name] = ItemShape(item.name, 0.5 * (low + high), 0.5 * (high - low), axis)
@@ -375,7 +375,8 @@ def _geom_points(model: mujoco.MjModel, geom: int) -> FloatArray:
     return np.asarray(centre + corners * half)
 
 
-def _in_root_frame(model: mujoco.MjModel, geom: int, points: FloatArray) -> FloatArray:
+def in_root_frame(model: mujoco.MjModel, geom: int, points: FloatArray) -> FloatArray:
+    """Points (N, 3) of a geom's frame in that of its outermost body."""
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
     points = points @ rotation.reshape(3, 3).T + model.geom_pos[geom]

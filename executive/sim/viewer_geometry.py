@@ -47,6 +47,26 @@ def of(model: mujoco.MjModel, spec: SceneSpec) -> Scenery:
     return Scenery(tuple(geometries), tuple(cameras))
 
 
+def exact(model: mujoco.MjModel, geom: int, body: str) -> Geometry:
+    """A geom with all its triangles, in the frame of its outermost body."""
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        vertices, faces = _mesh(model, model.geom_dataid[geom])
+    else:
+        triangles = _triangles(model, geom)
+        assert triangles is not None  # items are meshes, boxes and cylinders
+        vertices, faces = triangles
+    local = scene.in_root_frame(model, geom, np.asarray(vertices, dtype=float))
+    return Geometry(body, local.astype(np.float32), faces, _colour(model, geom), body)
+
+
+def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    start, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+    return np.asarray(model.mesh_vert[first : first + count], dtype=np.float64), np.asarray(
+        model.mesh_face[start : start + faces], dtype=np.uint32
+    )
+
+
 def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, float, float, float]:
     """The geom's own colour; where a texture covers it, the texture's mean."""
     rgba = np.array(model.geom_rgba[geom], dtype=float)
@@ -65,12 +85,7 @@ def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, float, float, floa
 def _triangles(model: mujoco.MjModel, geom: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]] | None:
     kind, size = model.geom_type[geom], model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = model.geom_dataid[geom]
-        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        start, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-        return _clustered(
-            np.asarray(model.mesh_vert[first : first + count], dtype=np.float64), model.mesh_face[start : start + faces]
-        )
+        return _clustered(*_mesh(model, model.geom_dataid[geom]))
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64) * size
         quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -101,7 +116,7 @@ def _cylinder(radius: float, half: float, sides: int = 24) -> tuple[npt.NDArray[
 
 
 def _clustered(
-    vertices: npt.NDArray[np.float64], faces: npt.NDArray[np.int32]
+    vertices: npt.NDArray[np.float64], faces: npt.NDArray[np.uint32]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:
     """The mesh with vertices merged per grid cell and the triangles that this leaves."""
     _, index, inverse = np.unique(np.round(vertices / _CELL), axis=0, return_index=True, return_inverse=True)

@@ -105,6 +105,7 @@ class MujocoWorld:
         self._next_frame = 0.0
         self._observations = itertools.count(first_observation)
         self.drawing = Drawing(self.model)
+        self._camera_positions = np.array(self.model.cam_pos)
         self._steps = max(1, round(CONTROL_PERIOD / self.spec.timestep))
         self._arm = np.array([self.model.joint(name).qposadr[0] for name in scene.JOINTS])
         self._servo = np.array([self.model.actuator(name).id for name in scene.JOINTS])
@@ -141,6 +142,16 @@ class MujocoWorld:
         images = {name: sensed(self.render(name), [self._seed, number, at]) for at, name in enumerate(names)}
         depth = self.measure_depth(images) if self._depth else {}
         return Observation(number, self.time, images, self.joints(), cause, noisy=True, depth=depth)
+
+    def sense(self) -> Observation:
+        """What the cameras that measure depth sense now: a look that has no number, for estimating poses."""
+        images = {camera.name: self.render(camera.name) for camera in self.spec.cameras if camera.depth}
+        return Observation(-1, self.time, images, self.joints(), "poses", depth=self.measure_depth(images))
+
+    def move_camera(self, camera: str, by: FloatArray) -> None:
+        """Have a camera stand `by` (3,) m, in the world's frame, from where the scene says, and everybody believes."""
+        index = self.model.camera(camera).id
+        self.model.cam_pos[index] = self._camera_positions[index] + by
 
     def measure_depth(self, images: Mapping[str, Image]) -> dict[str, DepthImage]:
         """What the cameras among those of `images` that measure depth measure now, in mm, with their sensors' noise.

@@ -25,7 +25,7 @@ from executive.types.observations import (
     Remembered,
     Verdict,
 )
-from executive.types.scenes import Camera, Frame, Geometry, Scenery
+from executive.types.scenes import Camera, EstimatedPose, Frame, Geometry, Lump, PosesEstimated, Scenery
 from executive.types.tasks import Effect, NoPlan, NoPlanReason, Plan, Probed, Step, Task
 
 __all__ = [
@@ -47,6 +47,7 @@ __all__ = [
     "Dispatched",
     "Effect",
     "Ended",
+    "EstimatedPose",
     "Event",
     "Evidence",
     "Facts",
@@ -60,6 +61,7 @@ __all__ = [
     "Judged",
     "LookKind",
     "Looked",
+    "Lump",
     "Motion",
     "Moved",
     "NoPlan",
@@ -71,6 +73,7 @@ __all__ = [
     "Phase",
     "PictureFault",
     "Plan",
+    "PosesEstimated",
     "Probed",
     "Questions",
     "Reason",

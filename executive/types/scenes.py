@@ -1,9 +1,9 @@
-"""The poses and shapes of everything in the world, for visualisation only."""
+"""The poses and shapes of everything in the world: as they are, for visualisation only, and as they are estimated."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -54,3 +54,46 @@ class Scenery:
 
     geometries: tuple[Geometry, ...] = ()
     cameras: tuple[Camera, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EstimatedPose:
+    """Where an item is by what was measured.
+
+    `pose` is (7,), world frame; `covariance` (6, 6) of its position (m) and rotation (rad, about the world's axes);
+    `misfit` is the mean distance in m of the points measured on it from its surface; `views` are the cameras that
+    measured it. `source` is `seen`, `held` (by the joints, with the last pose in the fingers) or `remembered` (hidden
+    since `time`, a moment of the world's clock in seconds, and not refuted).
+    """
+
+    pose: FloatArray
+    covariance: FloatArray
+    misfit: float
+    views: tuple[str, ...]
+    source: str = "seen"
+    time: float = 0.0
+
+    @property
+    def spread(self) -> float:
+        """The standard deviation of the position in m along its most uncertain direction."""
+        return float(np.sqrt(max(0.0, np.linalg.eigvalsh(self.covariance[:3, :3])[-1])))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lump:
+    """Something that is there and is no known item: the box around it along the world's axes, centre and half extents,
+    (3,) each in m."""
+
+    centre: FloatArray
+    half: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosesEstimated:
+    """Poses were estimated from depth pictures: of each item that is seen, held or remembered. Items in `missing` are
+    not seen where they were, nor anywhere else. `left_out` says why a camera's depth was not used."""
+
+    poses: Mapping[str, EstimatedPose]
+    missing: tuple[str, ...] = ()
+    lumps: tuple[Lump, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)

@@ -92,6 +92,10 @@ def blinded(camera: str, cause: str) -> str:
     return f"camera {camera} is left out: {_USELESS.get(cause, cause)}"
 
 
+def depth_left_out(camera: str, why: str) -> str:
+    return f"depth of {camera} is not used: {why}"
+
+
 def guarded(glance: Guarded) -> str:
     told = {True: "is still so", False: "is seen no longer", None: "cannot be told"}[glance.held]
     lost = ", again: the skill is told" if glance.lost else ""

@@ -23,6 +23,7 @@ CYCLE, SIM_TIME, WALL = "cycle", "sim_time", "wall"
 """The timelines: cycles of the loop, the world's clock, on which the layout opens, and the process's clock."""
 
 WORLD, CAMERAS, PLAN, LOG = "world", "world/cameras", "plan", "log"
+DEPTH = "depth"
 BELIEF, LOOK, STATUS, NOW, BELIEVED = "belief", "look", "status", "now", "believed"
 PROBABILITY, ANSWERS, THRESHOLDS = "probability", "answers", "thresholds"
 PHASE = "phase"
@@ -134,10 +135,15 @@ def _entities(roots: Sequence[str], atoms: Sequence[str] | None) -> list[str]:
 
 def _pictures(names: Sequence[str]) -> rrb.Container:
     """The first camera large, the others small beside it."""
-    first, *others = [rrb.Spatial2DView(origin=f"{CAMERAS}/{name}", name=name) for name in names]
+    first, *others = [_picture(name) for name in names]
     if len(others) < 2:
         return rrb.Horizontal(first, *others)
     return rrb.Horizontal(first, rrb.Grid(*others, grid_columns=1 if len(others) == 2 else 2))
+
+
+def _picture(name: str) -> rrb.Spatial2DView:
+    """What a camera saw, without what it measured: that is in space."""
+    return rrb.Spatial2DView(origin=f"{CAMERAS}/{name}", name=name, contents=["+ $origin/**", f"- $origin/{DEPTH}"])
 
 
 def _scene(cameras: Sequence[Camera]) -> rrb.Spatial3DView:

@@ -23,6 +23,7 @@ from executive.types import (
     OutcomeKind,
     Payload,
     Plan,
+    PosesEstimated,
     Questions,
     Resumed,
     SkillResult,
@@ -61,6 +62,8 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
             return [LogLine(told, "LOOK", BLUE)]
         case Judged(contradictions=contradictions, overruled=overruled):
             return [LogLine(_first(some), "LOOK", AMBER) for some in (contradictions, overruled) if some]
+        case PosesEstimated(left_out=left_out):
+            return [LogLine(phrases.depth_left_out(*each), "POSES", AMBER) for each in left_out.items()]
         case Plan(steps=steps):
             return [LogLine(phrases.plan_title(len(story.plans), len(steps)), "PLAN", WHITE)]
         case Ended(outcome=outcome):

@@ -10,12 +10,13 @@ import rerun as rr
 
 from executive.trace.record.pictures import to_jpeg
 from executive.trace.story.last_look import LookLine
-from executive.trace.viewer.blueprint import CAMERAS, WORLD
+from executive.trace.viewer.blueprint import CAMERAS, DEPTH, WORLD
 from executive.trace.viewer.colours import AMBER, BLUE, CYAN, DIM, RED, WHITE, Colour
 from executive.trace.viewer.grasp_detection import Grip
 from executive.trace.viewer.parts import mesh, pinhole, stamp, time_columns
+from executive.trace.viewer.poses import PoseMarks
 from executive.trace.viewer.text_panels import plain
-from executive.types import Camera, Event, FloatArray, Frame, LookKind, Motion, Observation, Scenery
+from executive.types import Camera, Event, FloatArray, Frame, LookKind, Motion, Observation, PosesEstimated, Scenery
 
 _STILL = 2e-4
 """A body whose pose (m, quaternion) differs by no more than this from what was logged last has not moved."""
@@ -42,6 +43,7 @@ class Scene:
         self._poses: dict[str, FloatArray] = {}
         self._path: list[tuple[FloatArray, Colour]] = []
         self._grip = Grip(())
+        self._pose_marks: PoseMarks | None = None
         self._sizes: dict[str, tuple[int, int]] = {}
         self._marked: dict[str, tuple[Colour, str]] = {}
         self.cameras: Sequence[Camera] = ()
@@ -106,7 +108,12 @@ class Scene:
             self._record.log(_camera(name), picture)
         for name, depth in observation.depth.items():
             # Beside the picture, so that either can be looked at; in space, under the camera, it is a cloud of points.
-            self._record.log([*_camera(name), "depth"], rr.DepthImage(depth, meter=1000.0))
+            self._record.log([*_camera(name), DEPTH], rr.DepthImage(depth, meter=1000.0))
+
+    def show_poses(self, estimate: PosesEstimated) -> None:
+        """Where items are taken to be."""
+        self._pose_marks = self._pose_marks or PoseMarks(self._record, self._boxes)
+        self._pose_marks.show(estimate)
 
     def show_look(self, look: LookLine, seen_in: Mapping[str, int], blinded: Mapping[str, str]) -> None:
         """Which cameras took part in a look: a frame around their pictures, and a word where a picture is an old one or

@@ -60,6 +60,7 @@ from executive.types import (
     Payload,
     Phase,
     Plan,
+    PosesEstimated,
     Scenery,
     SkillResult,
     Started,
@@ -141,6 +142,8 @@ class RerunSink:
                 self._scene.show(payload)
             case Observation():
                 self._scene.show_pictures(payload)
+            case PosesEstimated():
+                self._scene.show_poses(payload)
             case Looked() | Judged():
                 self._show_look()
             case Plan():

@@ -25,6 +25,7 @@ from executive.types import (
     Dispatched,
     Effect,
     Ended,
+    EstimatedPose,
     Event,
     Evidence,
     Facts,
@@ -35,6 +36,7 @@ from executive.types import (
     Judged,
     Looked,
     LookKind,
+    Lump,
     Motion,
     Moved,
     NoPlan,
@@ -45,6 +47,7 @@ from executive.types import (
     Payload,
     Phase,
     Plan,
+    PosesEstimated,
     Probed,
     Questions,
     Reason,
@@ -166,6 +169,8 @@ def decisions(draw: st.DrawFn) -> Decision:
     return Decision(kind, draw(causes), evidence, outcome, grounds, draw(st.none() | results))
 
 
+estimated_poses = st.builds(EstimatedPose, numbers(7), numbers(6, 6), finite, cameras, texts, seconds)
+
 RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
     Started: st.builds(
         Started,
@@ -182,6 +187,11 @@ RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
         st.just(("Yes", "No")), st.lists(texts, max_size=2).map(tuple),
     ),
     Observation: observations(),
+    PosesEstimated: st.builds(
+        PosesEstimated, st.dictionaries(texts, estimated_poses, max_size=2), st.lists(texts, max_size=2).map(tuple),
+        st.lists(st.builds(Lump, numbers(3), numbers(3)), max_size=2).map(tuple),
+        st.dictionaries(texts, texts, max_size=2),
+    ),
     Belief: beliefs(),
     Plan: plans,
     NoPlan: no_plans,
@@ -226,6 +236,8 @@ def same(a: Any, b: Any) -> bool:
         return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a))
     if isinstance(a, Mapping) and not isinstance(a, Facts):
         return isinstance(b, Mapping) and a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, tuple):
+        return isinstance(b, tuple) and len(a) == len(b) and all(map(same, a, b))
     if isinstance(a, float) and math.isnan(a):
         return isinstance(b, float) and math.isnan(b)
     return bool(a == b) and type(a) is type(b)

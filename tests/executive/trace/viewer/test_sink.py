@@ -17,7 +17,19 @@ from executive.errors import InputError
 from executive.trace.viewer.blueprint import viewpoint
 from executive.trace.viewer.process import TRACE_FILE, inspect, trace_file
 from executive.trace.viewer.sink import RerunSink
-from executive.types import Decision, DecisionKind, Event, FaultInjected, Frame, Phase, Scenery
+from executive.types import (
+    Decision,
+    DecisionKind,
+    EstimatedPose,
+    Event,
+    FaultInjected,
+    Frame,
+    Lump,
+    Observation,
+    Phase,
+    PosesEstimated,
+    Scenery,
+)
 from executive.util.requirements import has_display
 from tests.executive.trace.synthetic import ITEMS, scenery, synthetic_events
 from tests.fakes import recorded
@@ -95,6 +107,28 @@ def test_pictures_are_on_their_camera(contents: Contents) -> None:
     for camera in ("overview", "side"):
         assert contents.static[f"/world/cameras/{camera}"] >= 1
         assert contents.moving[f"/world/cameras/{camera}"] == 10
+
+
+def test_depth_and_estimated_poses_are_in_space(tmp_path: Path) -> None:
+    events = synthetic_events()
+    look = next(event for event in events if isinstance(event.payload, Observation))
+    assert isinstance(look.payload, Observation)
+    (camera, image), *_ = look.payload.images.items()
+    depth = {camera: np.full(image.shape[:2], 800, np.uint16)}
+    item = next(iter(ITEMS))
+    pose = EstimatedPose(np.array([0.4, 0, 0.9, 1, 0, 0, 0]), 1e-6 * np.eye(6), 0.001, (camera,))
+    unknown = Lump(np.full(3, 0.5), np.full(3, 0.03))
+    news = [
+        replace(look, payload=replace(look.payload, depth=depth)),
+        replace(look, payload=PosesEstimated({item: pose}, (), (unknown,), {"side": "no depth"})),
+        replace(look, payload=PosesEstimated({}, (item,))),
+    ]
+    shown = Contents(written(tmp_path, [*events[: events.index(look)], *news]))
+    assert shown.moving[f"/world/cameras/{camera}/depth"] == 1
+    assert shown.moving[f"/world/estimated/{item}"] == 2, "it is there, and then cleared"
+    assert shown.moving[f"/world/estimated/{item}/uncertainty"] == 1
+    assert shown.moving["/world/estimated/unknown"] == 2
+    assert any("depth of side is not used" in text for text in shown.texts)
 
 
 def test_atoms_that_never_changed_nor_surprised_are_left_out(contents: Contents) -> None:

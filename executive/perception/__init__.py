@@ -1,0 +1,13 @@
+"""From depth pictures to poses: what the robot finds out by itself about where things are.
+
+models.py        shapes that are known: distance fields, surface samples, symmetries
+clouds.py        points in space of what is neither furniture nor robot, and the clusters that they form
+registration.py  poses of a shape from points, many starts at once
+evidence.py      what a pose would have the cameras see, against what they saw
+localizer.py     all of it together, over time: what is seen, remembered, held, missing or unknown
+"""
+
+from executive.perception.localizer import Capture, Known, Localizer
+from executive.perception.models import ItemModel
+
+__all__ = ["Capture", "ItemModel", "Known", "Localizer"]

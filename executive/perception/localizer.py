@@ -1,0 +1,262 @@
+"""Where everything is, by depth and over time: what is seen, held, remembered, missing, or there and unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from executive.perception import clouds, matching, registration
+from executive.perception.clouds import Cloud, View
+from executive.perception.evidence import evidence
+from executive.perception.matching import Match
+from executive.perception.models import ItemModel
+from executive.perception.registration import Poses
+from executive.types import Camera, DepthImage, EstimatedPose, FloatArray, Image, Lump, PosesEstimated
+
+_EXPLAINED = 0.009
+"""m from an item's surface within which points are of it."""
+
+_ROUNDS = 3
+"""How often what is left of the clusters is matched with what is left of the items: things that touch are one cluster
+until one of them is known."""
+
+_HOLDING = (0.004, 0.080)
+"""m between the pads when something is held."""
+
+_AT_GRIP = 0.02
+"""m of the grip point from an item that the fingers are around."""
+
+_SLIPS = (0.0, 0.35, -0.35, 0.7, -0.7)
+"""rad by which what is held may have turned about the line between the pads since it was last seen."""
+
+_HELD_MOVES = 0.06
+"""m by which it may have moved."""
+
+_GONE = 0.2
+"""The share of an item's surface that a camera looks through where it was, from which on it is not there any more."""
+
+_UNSEEN_TILT, _UNSEEN_SHIFT = 0.05, 0.005
+"""Standard deviations, rad and m, that are added to the pose of what is held and not measured."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Capture:
+    """What the robot senses at one moment: pictures and depth by camera, joint positions of arm and fingers (rad), and
+    the opening between the pads (m)."""
+
+    time: float
+    images: Mapping[str, Image]
+    depth: Mapping[str, DepthImage]
+    joints: FloatArray
+    fingers: FloatArray
+    width: float
+
+
+class Known(Protocol):
+    """What the robot knows of itself and its room without looking."""
+
+    @property
+    def cameras(self) -> Mapping[str, Camera]:
+        """The cameras by name, where they are taken to stand."""
+        ...
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Two corners (3,) of the space in which things are looked for."""
+        ...
+
+    def expected(self, joints: FloatArray, fingers: FloatArray, cameras: Sequence[str]) -> Mapping[str, FloatArray]:
+        """The distances (H, W) in m that cameras would measure if there were nothing but furniture and robot."""
+        ...
+
+    def hand(self, joints: FloatArray) -> FloatArray:
+        """The transform (4, 4) of the grip point; its x axis points from pad to pad."""
+        ...
+
+
+class Localizer:
+    """Estimates the poses of known items.
+
+    Args:
+        models: the items that there may be.
+        known: what is known of robot and room.
+        capture: senses everything now.
+        clock: tells the time of the world in s; as long as it stands still, nothing is sensed anew.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[ItemModel],
+        known: Known,
+        capture: Callable[[], Capture],
+        clock: Callable[[], float],
+    ) -> None:
+        self._models = {model.name: model for model in models}
+        self._known, self._clock = known, clock
+        self.capture = capture
+        self._estimate: PosesEstimated | None = None
+        self._time = float("nan")
+        self._held: tuple[str, FloatArray] | None = None
+        """The item in the hand, and the transform (4, 4) of its body in the frame of the grip point."""
+
+    def now(self) -> PosesEstimated:
+        """The poses at this moment: estimated anew unless no time has passed."""
+        time = self._clock()
+        if self._estimate is None or time != self._time:
+            self._estimate, self._time = self.estimate(self.capture()), time
+        return self._estimate
+
+    def estimate(self, sensed: Capture) -> PosesEstimated:
+        """The poses by one capture and what is remembered of those before."""
+        views, cloud, left_out = self._cloud(sensed)
+        before = {} if self._estimate is None else self._estimate.poses
+        found: dict[str, EstimatedPose] = {}
+        hand = self._known.hand(sensed.joints)
+        if not _HOLDING[0] < sensed.width < _HOLDING[1]:
+            self._held = None
+        elif self._held is None:
+            self._take_hold(hand, before)
+        held = self._held
+        if held is not None:
+            cloud = self._follow(*held, hand, cloud, views, found, sensed.time)
+        cloud = self._find(cloud, views, found, sensed.time)
+        if held is None and _HOLDING[0] < sensed.width < _HOLDING[1] and (name := self._take_hold(hand, found)):
+            found[name] = replace(found[name], source="held")
+        for name, pose in before.items():
+            if name not in found and not self._is_refuted(name, pose, views):
+                found[name] = replace(pose, source="remembered")
+        missing = tuple(sorted(self._models.keys() - found.keys()))
+        lumps = tuple(_lump(cloud.points[group]) for group in clouds.clusters(cloud.points, *self._known.bounds))
+        return PosesEstimated({name: found[name] for name in sorted(found)}, missing, lumps, left_out)
+
+    def _cloud(self, sensed: Capture) -> tuple[list[View], Cloud, dict[str, str]]:
+        """The views that are used, the points of what is neither robot nor room, and why other views are not used."""
+        expected = self._known.expected(sensed.joints, sensed.fingers, list(sensed.depth))
+        left_out = {name: "no depth" for name in self._known.cameras if name not in sensed.depth}
+        views, pixels, images = [], [], []
+        for name, depth in sensed.depth.items():
+            view = View.of(self._known.cameras[name], depth)
+            if why := clouds.misplaced(view, expected[name]):
+                left_out[name] = why
+                continue
+            views.append(view)
+            pixels.append(clouds.foreground(view, expected[name]))
+            images.append(sensed.images[name])
+        return views, clouds.cloud(views, pixels, images), left_out
+
+    def _find(self, cloud: Cloud, views: list[View], found: dict[str, EstimatedPose], time: float) -> Cloud:
+        """Adds the items that are among the points to `found`; returns the points that are of none."""
+        for merged in (False, *[True] * _ROUNDS):
+            models = [model for name, model in self._models.items() if name not in found]
+            groups = [cloud.of(group) for group in clouds.clusters(cloud.points, *self._known.bounds)]
+            matches = matching.match(models, groups[: 2 * len(self._models)], cloud, views, merged)
+            for match, group in matches:
+                found[match.model.name] = _estimated(match, group, views, "seen", time)
+                cloud = _without(cloud, match)
+            if merged and not matches:
+                break
+        return cloud
+
+    def _follow(
+        self,
+        name: str,
+        in_hand: FloatArray,
+        hand: FloatArray,
+        cloud: Cloud,
+        views: list[View],
+        found: dict[str, EstimatedPose],
+        time: float,
+    ) -> Cloud:
+        """Adds what is held to `found`: by what is measured of it, or else by where the hand is; returns the points of
+        everything else."""
+        model = self._models[name]
+        predicted = hand @ in_hand
+        centre = predicted[:3, :3] @ model.centre + predicted[:3, 3]
+        reach = float(np.linalg.norm(model.half)) + 0.02
+        near = cloud.of(np.linalg.norm(cloud.points - centre, axis=1) < reach)
+        if len(near) >= 60:
+            turns = [hand[:3, :3] @ _about_pads(slip) @ hand[:3, :3].T for slip in _SLIPS]
+            starts = Poses(
+                np.stack([turn @ predicted[:3, :3] for turn in turns]),
+                np.stack([hand[:3, 3] + turn @ (centre - hand[:3, 3]) for turn in turns]),
+                np.full(len(turns), np.inf),
+            )
+            match = matching.tracked_match(model, starts, near, views)
+            if match.accepted and float(np.linalg.norm(match.translation - centre)) < _HELD_MOVES:
+                found[name] = _estimated(match, near, views, "held", time)
+                self._held = name, np.linalg.inv(hand) @ _body(match)
+                return _without(cloud, match)
+        covariance = np.diag([_UNSEEN_SHIFT**2] * 3 + [_UNSEEN_TILT**2] * 3)
+        found[name] = EstimatedPose(_pose(predicted), covariance, 0.0, (), "held", time)
+        here = Match(model, predicted[:3, :3], centre, 0.0, 0.0, np.zeros(len(views)))
+        return _without(cloud, here)
+
+    def _take_hold(self, hand: FloatArray, poses: Mapping[str, EstimatedPose]) -> str:
+        """Have what the fingers are around, by these poses, be what is held; returns its name, or nothing."""
+        away = {}
+        for name, pose in poses.items():
+            body, model = matrix(pose.pose), self._models[name]
+            grip = (hand[:3, 3] - body[:3, 3]) @ body[:3, :3] - model.centre
+            away[name] = float(np.linalg.norm(np.maximum(np.abs(grip) - model.half, 0.0)))
+        nearest = min(away, key=away.__getitem__, default="")
+        if not nearest or away[nearest] > _AT_GRIP:
+            return ""
+        self._held = nearest, np.linalg.inv(hand) @ matrix(poses[nearest].pose)
+        return nearest
+
+    def _is_refuted(self, name: str, pose: EstimatedPose, views: Sequence[View]) -> bool:
+        """Whether an item is not where it was: cameras look through it, or measure what is not it and see all of it."""
+        model, body = self._models[name], matrix(pose.pose)
+        centre = body[:3, :3] @ model.centre + body[:3, 3]
+        told = evidence(model, body[None, :3, :3], centre[None], views)
+        return bool(told.refuted[0] > _GONE) or pose.source == "held"
+
+
+def _estimated(match: Match, group: Cloud, views: Sequence[View], source: str, time: float) -> EstimatedPose:
+    distance, _ = match.model.distances((group.points - match.translation) @ match.rotation)
+    mine = group.points[np.abs(distance) < _EXPLAINED]
+    mine = mine[:: max(1, len(mine) // 1500)]
+    seen = tuple(view.name for view, share in zip(views, match.by_view, strict=True) if share > 0.02)
+    covariance = registration.covariance(match.model, match.rotation, match.translation, mine)
+    return EstimatedPose(_pose(_body(match)), covariance, match.misfit, seen, source, time)
+
+
+def _without(cloud: Cloud, match: Match) -> Cloud:
+    """The points that are not of a matched item."""
+    distance, _ = match.model.distances((cloud.points - match.translation) @ match.rotation)
+    return cloud.of(distance > _EXPLAINED)
+
+
+def _body(match: Match) -> FloatArray:
+    """The transform (4, 4) of the item's body."""
+    body = np.eye(4)
+    body[:3, :3] = match.rotation
+    body[:3, 3] = match.translation - match.rotation @ match.model.centre
+    return body
+
+
+def _about_pads(angle: float) -> FloatArray:
+    """A turn (3, 3) about the line from pad to pad, in the frame of the grip point."""
+    return np.asarray(Rotation.from_euler("x", angle).as_matrix())
+
+
+def _lump(points: FloatArray) -> Lump:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return Lump(0.5 * (low + high), 0.5 * (high - low))
+
+
+def matrix(pose: FloatArray) -> FloatArray:
+    """The (4, 4) transform of a (7,) pose."""
+    body = np.eye(4)
+    body[:3, :3] = Rotation.from_quat(pose[[4, 5, 6, 3]]).as_matrix()
+    body[:3, 3] = pose[:3]
+    return body
+
+
+def _pose(body: FloatArray) -> FloatArray:
+    x, y, z, w = Rotation.from_matrix(body[:3, :3]).as_quat()
+    return np.array([*body[:3, 3], w, x, y, z])

@@ -1,0 +1,81 @@
+"""What a robot knows of a scene without looking: its own shape, furniture, cameras, and the shapes of items."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from executive.sim import scene, viewer_geometry
+from executive.sim.rendering import Drawing
+from executive.sim.spec import SceneSpec
+from executive.types import Camera, FloatArray, Geometry
+
+_AROUND = (0.35, 0.35, 0.0)
+"""m beyond the tables within which things are looked for; from the floor up to `_ABOVE` over the highest table."""
+
+_ABOVE = 0.75
+
+
+class KnownScene:
+    """The robot and the furniture of a scene, without any item, as the robot's own model of them.
+
+    Raises:
+        MissingError: there is no off-screen OpenGL; at the first picture.
+    """
+
+    def __init__(self, spec: SceneSpec) -> None:
+        self._spec = spec
+        self._model = scene.build(spec.model_copy(update={"items": ()})).compile()
+        self._data = mujoco.MjData(self._model)
+        self._drawing = Drawing(self._model)
+        self._arm = np.array([self._model.joint(name).qposadr[0] for name in scene.JOINTS])
+        self._fingers = np.array([self._model.joint(name).qposadr[0] for name in scene.FINGER_JOINTS])
+        self.cameras: Mapping[str, Camera] = {
+            camera.name: camera for camera in viewer_geometry.of(self._model, spec).cameras
+        }
+        half = np.array([0.5 * np.hypot(table.size[0], table.size[1]) for table in spec.tables])
+        centres = np.array([table.centre for table in spec.tables])
+        low, high = (centres[:, :2] - half[:, None]).min(axis=0), (centres[:, :2] + half[:, None]).max(axis=0)
+        self.bounds: tuple[FloatArray, FloatArray] = (
+            np.array([*low, 0.0]) - _AROUND,
+            np.array([*high, centres[:, 2].max() + _ABOVE]) + _AROUND,
+        )
+
+    def expected(self, joints: FloatArray, fingers: FloatArray, cameras: Sequence[str]) -> dict[str, FloatArray]:
+        """The distances (H, W) in m that cameras would measure of robot and furniture alone."""
+        self._place(joints, fingers)
+        return {
+            camera.name: self._drawing.depth(self._data, camera)
+            for camera in self._spec.cameras
+            if camera.name in cameras
+        }
+
+    def hand(self, joints: FloatArray) -> FloatArray:
+        """The transform (4, 4) of the grip point."""
+        self._place(joints, self._data.qpos[self._fingers])
+        site, hand = self._data.site(scene.GRIP_SITE), np.eye(4)
+        hand[:3, :3], hand[:3, 3] = site.xmat.reshape(3, 3), site.xpos
+        return hand
+
+    def close(self) -> None:
+        self._drawing.close()
+
+    def _place(self, joints: FloatArray, fingers: FloatArray) -> None:
+        self._data.qpos[self._arm] = joints
+        self._data.qpos[self._fingers] = fingers
+        mujoco.mj_forward(self._model, self._data)
+
+
+def item_meshes(spec: SceneSpec) -> dict[str, tuple[Geometry, int | None]]:
+    """The shape of each item as one mesh in its body's frame, as its maker would tell it, with its mean colour; and the
+    axis of the body that it is round about, if it is."""
+    model = scene.build(spec).compile()
+    shapes, found = scene.item_shapes(model, spec), {}
+    for item in spec.items:
+        root = model.body(item.name).id
+        for geom in range(model.ngeom):
+            if model.body_rootid[model.geom_bodyid[geom]] == root:
+                found[item.name] = viewer_geometry.exact(model, geom, item.name), shapes[item.name].axis
+    return found
