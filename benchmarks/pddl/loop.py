@@ -162,7 +162,7 @@ def read(file: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, default=Path("campaigns/pddl-loop.jsonl"))
@@ -176,7 +176,7 @@ def main() -> int:
     parser.add_argument("--only", help="tasks whose name has this in it")
     parser.add_argument("--for", dest="limit", type=float, default=float("inf"), help="stop after so many seconds")
     parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     rows, began = read(arguments.out), time.monotonic()
     done = {(row["task"], row["seed"]) for row in rows}

@@ -22,7 +22,7 @@ known, what is derived is computed, and neither counts."""
 MOST_RULES = 200_000
 """Instances of axioms that a task may have."""
 
-MOST_PARTS = 100_000
+MOST_PARTS = 500_000
 """Conditions that an action, or the goal, may have once its quantifiers are written out."""
 
 

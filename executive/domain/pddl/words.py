@@ -141,12 +141,25 @@ class Words:
             file.fail(form.line, f"{where}: unknown {what} {shorten(form)}; {nearest(form.word, known)}")
         return known[form.word]
 
-    def variables(self, file: PddlFile, form: Form, where: str) -> tuple[tuple[str, str], ...]:
-        """The variables of a quantifier, each with its type."""
+    def variables(
+        self, file: PddlFile, form: Form, where: str
+    ) -> tuple[tuple[tuple[str, str], ...], tuple[Literal, ...]]:
+        """The variables of a quantifier, each with its type, and what has to hold of them besides: some files of the
+        planning competitions name a predicate of one parameter where a type belongs, and mean those of which it is
+        true."""
         if len(form.rest) != 2 or form.rest[0].items is None:
             file.fail(form.line, f"{where}: expected ({form.head} (?variable - type) condition)")
         listed = file.typed(form.rest[0].items, "a variable", "?")
-        return tuple({name: self.kind(file, kind) for _, name, kind in listed}.items())
+        kinds: dict[str, str] = {}
+        guards = []
+        for _, name, kind in listed:
+            word = kind.word if kind is not None else ""
+            if word not in self.supertypes and len(self.predicates.get(word, ())) == 1:
+                kinds[name] = self.predicates[word][0]
+                guards.append(Literal(word, (name,)))
+            else:
+                kinds[name] = self.kind(file, kind)
+        return tuple(kinds.items()), tuple(guards)
 
     def formula(self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str) -> Formula:
         """A condition. Anything that is none is refused with its line and name."""
@@ -161,9 +174,11 @@ class Words:
             condition, consequence = (self.formula(file, part, scope, where) for part in form.rest)
             return Or((negated(condition), consequence))
         if form.head in ("forall", "exists"):
-            variables = self.variables(file, form, where)
+            variables, guards = self.variables(file, form, where)
             body = self.formula(file, form.rest[1], {**scope, **dict(variables)}, where)
-            return Forall(variables, body) if form.head == "forall" else Exists(variables, body)
+            if form.head == "forall":
+                return Forall(variables, Or((*map(negated, guards), body)) if guards else body)
+            return Exists(variables, And((*guards, body)) if guards else body)
         if form.head == "not":
             if len(form.rest) != 1:
                 file.fail(form.line, f"{where}: (not ...) takes one condition")
@@ -192,17 +207,16 @@ class Words:
             variables: tuple[tuple[str, str], ...] = ()
             condition: Formula = And()
             if form.head == "forall":
-                variables = self.variables(file, form, where)
+                variables, guards = self.variables(file, form, where)
+                condition = And(guards)
             elif len(form.rest) != 2:
                 file.fail(form.line, f"{where}: expected (when condition effect)")
             else:
                 condition = self.formula(file, form.rest[0], scope, where)
             inner: list[CostTerm] = []
             for each in self.effects(file, form.rest[1], {**scope, **dict(variables)}, where, inner):
-                if condition == And():
-                    combined = each.condition
-                else:
-                    combined = condition if each.condition == And() else And((condition, each.condition))
+                parts = tuple(part for part in (condition, each.condition) if part != And())
+                combined = parts[0] if len(parts) == 1 else And(parts)
                 yield LiftedEffect(each.literal, combined, (*variables, *each.variables))
             if inner:
                 file.fail(form.line, f"{where}: a cost that depends on a condition is not supported: numeric fluents")

@@ -148,6 +148,15 @@ def test_types_may_have_several_supertypes_and_be_unions(tmp_path: Path) -> None
     assert schema.typing.descends("car", "floating")
 
 
+def test_a_predicate_in_the_place_of_a_type_means_those_of_which_it_is_true(tmp_path: Path) -> None:
+    condition = "(and (forall (?x - hot) (seen ?x)) (exists (?x - hot) (seen ?x)))"
+    domain = f"""(:predicates (p) (hot ?x) (seen ?x)) (:action a :precondition {condition} :effect (p))
+        (:action see :parameters (?x) :effect (forall (?y - hot) (seen ?y)))"""
+    schema = read(tmp_path, domain, "(:objects a b c) (:goal (p))", "(hot a) (hot b)")
+    assert schema.ground("a", ()).precondition == parsed("seen(a)", "seen(b)")
+    assert schema.ground("see", ("c",)).unconditional == Facts.parse("seen(a)", "seen(b)")
+
+
 def test_a_requirement_that_nothing_uses_is_no_matter(tmp_path: Path) -> None:
     flags = ":strips :durative-actions :preferences :numeric-fluents :probabilistic-effects :constraints :time"
     domain = f"(:requirements {flags}) (:functions (fuel ?x) (total-cost) - number) (:predicates (p))"
