@@ -71,7 +71,7 @@ def _problem(schema: Schema, state: Facts) -> str:
     objects = " ".join(f"{name} - {kind}" for name, kind in schema.typing.objects.items())
     return (
         f"(define (problem anew) (:domain grocery) (:objects {objects}) (:init {told(state.true)})"
-        f" (:goal (and {told(schema.task.goal)})))"
+        f" (:goal (and {told(schema.task.goal.facts.true)})))"
     )
 
 

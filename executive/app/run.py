@@ -3,10 +3,8 @@ monitor, faults and sinks come together. Everything that it builds can be built 
 
 from __future__ import annotations
 
-import math
 import shutil
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -31,13 +29,14 @@ from executive.faults import (
     faulty_world,
 )
 from executive.planning.fast_downward import FastDownwardPlanner
+from executive.planning.feasible import FeasiblePlanner
 from executive.protocols import Planner, Preparing, Recalling, Sink
 from executive.trace.record import monitor_file
 from executive.trace.record.log import EventLog
 from executive.trace.record.snapshots import Snapshots
 from executive.trace.record.thresholds import thresholds
 from executive.trace.report.summary import SUMMARY_FILE, Collector, Summary, write_summary
-from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Step
+from executive.types import Facts
 from executive.util import requirements
 
 if TYPE_CHECKING:
@@ -199,7 +198,7 @@ class Run:
         """Return the planner without steps that put an item on a table it does not fit on."""
         if not self._stage.too_large:
             return planner
-        return _FeasiblePlanner(planner, self.domain.parsed.giving(self._stage.too_large), self._stage.too_large)
+        return FeasiblePlanner(planner, self.domain.parsed.giving(self._stage.too_large), self._stage.too_large)
 
     def _restore(self) -> RunState | None:
         """Restore the world from its last snapshot, replay the record to the sinks, and return the run state; None for
@@ -238,19 +237,3 @@ def resume(folder: Path, sinks: Sequence[Sink] = (), view: str | None = None) ->
     if past.ended is not None and past.is_over and (folder / SUMMARY_FILE).exists():
         raise InputError(f"the run has ended: {past.ended.outcome}", file=folder)
     return Run(config, sinks, view=view, folder=folder)
-
-
-class _FeasiblePlanner:
-    """Plans without infeasible steps, and explains why a goal that needs them is unsolvable."""
-
-    def __init__(self, planner: Planner, infeasible: frozenset[Step], why: Mapping[Atom, str]) -> None:
-        self._planner, self._infeasible, self._why = planner, infeasible, why
-
-    def plan(
-        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf
-    ) -> Plan | NoPlan:
-        result = self._planner.plan(state, goal, avoid | self._infeasible, seconds)
-        why = [self._why[atom] for atom in sorted(goal.facts.true & self._why.keys()) if not state.get(atom)]
-        if isinstance(result, NoPlan) and result.reason is NoPlanReason.UNSOLVABLE and why:
-            return replace(result, detail="; ".join(why))
-        return result

@@ -21,6 +21,7 @@ from executive.cli.app import (
 )
 from executive.cli.campaign_commands import bench
 from executive.cli.check_command import check
+from executive.cli.planning_commands import plan
 from executive.cli.replay_commands import replay
 from executive.cli.run_commands import explain, inspect, resume, run
 from executive.cli.setup_commands import doctor, domains, faults, new
@@ -48,6 +49,7 @@ app.command("eval")(evaluate)
 app.command()(calibrate)
 app.command()(train)
 app.command()(bench)
+app.command()(plan)
 app.command()(explain)
 app.command()(replay)
 app.command()(inspect)

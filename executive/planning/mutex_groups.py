@@ -17,28 +17,23 @@ that does: the gripper is empty once what it held is gone, but an item can be in
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import logging
-import math
 import re
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 from executive.belief.mutex_inference import Group
-from executive.domain.pddl import Schema, written_out
-from executive.domain.pddl.text import Writer
-from executive.errors import MissingError
+from executive.domain.pddl import Schema
+from executive.planning.engine import TRANSLATOR, translator_command
+from executive.planning.pddl_text import FINISH, PddlText
+from executive.planning.sas_task import size
+from executive.planning.translation import FILE, TranslatorError, run_translator
 from executive.types import Atom
 
-TRANSLATOR = "fast_downward.translate"
 _INVARIANTS = f"{TRANSLATOR}.invariant_finder"
-_OPTIONS = ("--full-encoding", "--keep-unimportant-variables", "--sas-file", "task.sas")
+_OPTIONS = ("--full-encoding", "--keep-unimportant-variables", *FILE)
 """Every group becomes a variable with all of its atoms, whether the goal needs it or not."""
 
 _PART = re.compile(r"(\w+)\(\(([-\d, ]*)\)\)")
@@ -69,23 +64,22 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = T
     Raises:
         MissingError: the translator is not installed.
     """
-    try:
-        found = importlib.util.find_spec(TRANSLATOR)
-    except ModuleNotFoundError:
-        found = None
-    if found is None:
-        raise MissingError("Fast Downward's translator is not installed", command="pip install up-fast-downward")
-    names, deadline = _Names(schema), time.monotonic() + timeout
-    declared = frozenset(schema.task.declared)
+    translator_command()  # what is missing is an error, and not a translator that fails
+    text, deadline = PddlText(schema), time.monotonic() + timeout
+    domain, declared = text.domain(FINISH), schema.task.declared
+
+    def left() -> float:
+        return deadline - time.monotonic()
+
     try:
         state = declared
         if leaves_open:
-            said = _run(_INVARIANTS, (), names, declared, deadline)
-            state = _Completion(schema, _instances(said, names), deadline).complete()
-        sas = _run(TRANSLATOR, _OPTIONS, names, state, deadline)
-        groups = tuple(sorted(_read(sas, names), key=lambda group: group.atoms))
+            said = run_translator(domain, text.problem(declared), left(), module=_INVARIANTS)
+            state = _Completion(schema, _instances(said, text), deadline).complete()
+        sas = run_translator(domain, text.problem(state), left(), _OPTIONS)
+        groups = tuple(sorted(_read(sas, text), key=lambda group: group.atoms))
         return Mutexes(groups, state, sas.count("begin_operator") - 1)  # but for the one that finishes
-    except _TranslatorError as failure:
+    except TranslatorError as failure:
         problem = str(failure)
     except (LookupError, RuntimeError, ValueError) as error:
         problem = f"Fast Downward's translator wrote what cannot be read ({error!r})"
@@ -93,51 +87,16 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = T
     return Mutexes((), declared)
 
 
-class _TranslatorError(Exception):
-    """The translator failed, with the reason."""
-
-
 def _in_time(deadline: float) -> None:
     """
     Raises:
-        _TranslatorError: it is later.
+        TranslatorError: it is later.
     """
     if time.monotonic() > deadline:
-        raise _TranslatorError("Fast Downward's translator did not finish in time")
+        raise TranslatorError("Fast Downward's translator did not finish in time", late=True)
 
 
-def _run(module: str, options: Sequence[str], names: _Names, state: Iterable[Atom], deadline: float) -> str:
-    """Have one of the translator's programs look at the task from some state: the file that it writes, or else what it
-    prints.
-
-    Raises:
-        _TranslatorError: it ends with an error, or not in time.
-    """
-    with tempfile.TemporaryDirectory(prefix="executive-mutex-") as name:
-        folder = Path(name)
-        (folder / "domain.pddl").write_text(names.domain(), encoding="utf-8")
-        (folder / "problem.pddl").write_text(names.problem(state), encoding="utf-8")
-        try:
-            done = subprocess.run(
-                [sys.executable, "-m", module, *options, "domain.pddl", "problem.pddl"],
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                text=True,
-                errors="replace",
-                timeout=max(0.01, deadline - time.monotonic()),
-            )
-            if done.returncode:
-                said = (done.stderr.strip() or done.stdout.strip() or f"exit code {done.returncode}").splitlines()
-                raise _TranslatorError(f"Fast Downward's translator failed ({said[-1]})")
-            return (folder / "task.sas").read_text(encoding="utf-8") if options else done.stdout
-        except subprocess.TimeoutExpired:
-            raise _TranslatorError("Fast Downward's translator did not finish in time") from None
-        except OSError as error:
-            raise _TranslatorError(f"Fast Downward's translator cannot be run ({error.strerror})") from None
-
-
-def _instances(said: str, names: _Names) -> list[frozenset[Atom]]:
+def _instances(said: str, names: PddlText) -> list[frozenset[Atom]]:
     """The sets of atoms that the printed invariants are about, for all objects."""
     found: dict[tuple[int, tuple[str, ...]], set[Atom]] = {}
     invariants = (line for line in said.splitlines() if line.startswith("{"))
@@ -217,8 +176,7 @@ class _Move(NamedTuple):
 
 def _moves(schema: Schema, deadline: float) -> list[_Move]:
     """Every grounded action of a task; none if there are too many."""
-    sizes = (math.prod(len(schema.typing.members(kind)) for _, kind in a.parameters) for a in schema.actions.values())
-    if sum(sizes) > MOST_MOVES:
+    if size(schema) > MOST_MOVES:
         return []
     found = []
     for name, action in schema.actions.items():
@@ -228,53 +186,6 @@ def _moves(schema: Schema, deadline: float) -> list[_Move]:
                 step = schema.ground(name, args)
                 found.append(_Move(step.precondition.facts.true, step.unconditional.true, frozenset(step.affects)))
     return found
-
-
-class _Names:
-    """The task in PDDL under names that hit no word of PDDL's own, whatever it calls things. The goal is a flag that an
-    action of no conditions sets, so that it can be reached from any state."""
-
-    def __init__(self, schema: Schema) -> None:
-        self._schema, self._write = schema, Writer(schema)
-        self._predicates = self._write.predicates
-        self._object_of = {new: name for name, new in self._write.objects.items()}
-        self._predicate_of = {new: name for name, new in self._predicates.items()}
-
-    def atoms(self, name: str) -> Iterator[Atom]:
-        """The atoms of the predicate that is called `p1`; none of the flag, nor of what is static."""
-        return (atom for atom in self._schema.task.atoms if self._predicates[atom.predicate] == name)
-
-    def read(self, text: str) -> Atom | None:
-        """The atom that the translator calls `Atom p1(o2, o3)`; None for the flag."""
-        head, _, tail = text.removeprefix("Atom ").removesuffix(")").partition("(")
-        if head not in self._predicate_of:
-            return None
-        return Atom(self._predicate_of[head], tuple(self._object_of[name] for name in tail.split(", ") if name))
-
-    def domain(self) -> str:
-        schema, write = self._schema, self._write
-        actions = ["(:action finish :parameters () :precondition () :effect (done))"]
-        for number, action in enumerate(schema.actions.values()):
-            # What is quantified is written out where it is a condition: the translator would make axioms of it. Where
-            # it is an effect, it stays as it is: groups are found by looking at effects before they are grounded.
-            actions.append(write.action(f"a{number}", action, written_out(action.precondition, schema.typing)))
-        lines = [
-            "(define (domain task)",
-            "(:requirements :adl :typing :equality)",
-            write.types(),
-            write.constants(),
-            f"(:predicates (done) {' '.join(write.declarations())})",
-            *write.axioms(),
-            *actions,
-            ")",
-        ]
-        return "\n".join(lines)
-
-    def problem(self, true: Iterable[Atom]) -> str:
-        task, derived = self._schema.task, self._schema.derived
-        told = [self._write.atom(atom) for atom in sorted(task.static.union(true)) if atom.predicate not in derived]
-        init = " ".join((*told, *self._write.facts()))
-        return f"(define (problem task) (:domain task) (:init {init}) (:goal (done)))"
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,7 +211,7 @@ class _Variable:
         return (number for number, atom in enumerate(self.values) if atom is not None and thing not in atom.args)
 
 
-def _read(sas: str, names: _Names) -> Iterator[Group]:
+def _read(sas: str, names: PddlText) -> Iterator[Group]:
     """The groups in a file of the translator (its format 3)."""
     lines = iter(sas.splitlines())
     values: list[tuple[Atom | None, ...]] = []
@@ -309,7 +220,7 @@ def _read(sas: str, names: _Names) -> Iterator[Group]:
         if line == "begin_variable":
             _name, _layer, size = (next(lines) for _ in range(3))
             texts = [next(lines) for _ in range(int(size))]
-            values.append(tuple(names.read(text) if text.startswith("Atom ") else None for text in texts))
+            values.append(tuple(names.atom(text) if text.startswith("Atom ") else None for text in texts))
         elif line == "begin_operator":
             next(lines)
             for _ in range(int(next(lines))):  # what has to hold and stays

@@ -1,50 +1,31 @@
-"""A task grounded once, and searched again and again by Fast Downward's search alone.
+"""A task in the format that Fast Downward's search reads (version 3 of its translator's), and one way to make it.
 
-What costs time in asking a planner is not the search: it is reading PDDL, grounding it and starting interpreters. Here
-every action is grounded once, when the task is read, and a state and a goal become a few lines of a file in the
-format that Fast Downward's search reads (version 3 of its translator's): a variable with two values for each atom, so
-that every state and every goal can be written down, and an operator for each grounded action that can change
-something (the search refuses operators without effects). Which invariants there are need not be known.
+What costs time in asking a planner is not the search: it is reading PDDL, grounding it and starting interpreters. So a
+task is grounded once, and a state and a goal become a few lines of a file: a variable with two values for each atom, so
+that every state and every goal can be written down, and an operator for each grounded action that can change something
+(the search refuses operators without effects). Which invariants there are need not be known.
 
-Fast Downward is GPL-3. Nothing of it is imported: its search is a program that runs in a process of its own.
+`GroundedTask` grounds every action over all objects that fit its types, in this process: for a small task that takes
+less time than to start another. Larger tasks are left to Fast Downward's translator (`executive.planning.translation`).
 """
 
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import math
-import os
-import re
-import signal
-import subprocess
-import tempfile
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from typing import TypeAlias
 
 from executive.domain.pddl import Schema
-from executive.errors import MissingError
-from executive.types import Atom, Step
+from executive.types import ALWAYS, Atom, Condition, Facts, Step
 
-PACKAGE, ENGINE = "up_fast_downward", "downward/builds/release/bin/downward"
-"""Fast Downward's search, and the package that brings it."""
+Stop: TypeAlias = "Callable[[], bool]"
 
-SOLVED, UNSOLVABLE, OUT_OF_TIME = 0, 11, 23
-"""Exit codes of the search; UNSOLVABLE only where that is proven."""
+MOST_ALTERNATIVES = 64
+"""Conjunctions that a condition may be the disjunction of, to be written down in this process."""
 
-_FENCE = 'cd "$1" && ulimit -t "$2" && shift 2 && exec "$@" < task.sas'
-"""Runs the search in a directory of its own, and with a limit on CPU seconds that ends it even where this process was
-killed and can end nothing any more."""
-
-
-_BOOKKEEPING = re.compile(
-    r"(?i)^\[t=|^INFO\b|exit ?code|^peak memory|^\w+ time:|^remove intermediate|^driver aborting|^usage error occurred"
-)
-"""Lines that Fast Downward prints however it ended."""
-
-_LEAST = ("--search", "eager_greedy([lmcut()], bound=0)")
-"""Works out one heuristic value and ends: no state is worth going on from."""
+_FRACTION = 1_000
+"""The search counts costs in whole numbers: where they are none, in thousandths."""
 
 
 def size(schema: Schema) -> int:
@@ -53,59 +34,109 @@ def size(schema: Schema) -> int:
     return sum(math.prod(members[kind] for _, kind in action.parameters) for action in schema.actions.values())
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """How the search ended: its exit code (negative where it was killed), its plan, what it said, and whether it was
-    ended because its time was up."""
+class SasTask:
+    """What is the same in every question about a task: its variables, whether actions have costs, and whether there are
+    conditional effects or axioms.
 
-    code: int
-    steps: tuple[Step, ...]
-    said: str
-    expired: bool
+    `number` has the variable of each atom, which is 0 where the atom is true and 1 where it is false; `derived` are the
+    atoms that axioms compute.
+    """
 
-    @property
-    def last_words(self) -> str:
-        """The line that says most about how it ended."""
-        return last_words(self.said.splitlines())
+    def __init__(self) -> None:
+        self.number: dict[Atom, int] = {}
+        self.derived: frozenset[Atom] = frozenset()
+        self.variables: list[str] = []
+        self.highest_layer = -1
+        self.costs = False
+        self.conditional = False
+        self.axioms = False
 
+    def __len__(self) -> int:
+        """How many grounded actions there are."""
+        raise NotImplementedError
 
-def last_words(lines: Sequence[str]) -> str:
-    """Of what an engine printed, the line that says most about how it ended: the last one that it does not print
-    however it ends, or else the last."""
-    said = [line.strip() for line in lines if line.strip()]
-    telling = [line for line in said if not _BOOKKEEPING.search(line)]
-    return (telling or said or ["it said nothing"])[-1]
+    def relevant(
+        self, true: frozenset[Atom], goal: Condition, avoid: Collection[Step] = frozenset()
+    ) -> tuple[list[str], list[str]]:
+        """The operators, without the actions in `avoid`, and the axioms' rules that can matter on the way to a goal
+        from a state in which exactly the atoms in `true` are true."""
+        raise NotImplementedError
 
+    def step(self, name: str) -> Step:
+        """The step of an operator by its name in the file."""
+        raise NotImplementedError
 
-class Grounded:
-    """All grounded actions of a task that can change something. They take time: `ground` has to be called until it is
-    done with them."""
-
-    def __init__(self, schema: Schema) -> None:
-        self._steps: list[Step] = []
-        self._operators: list[str] = []
-        self._fixed: list[tuple[tuple[Atom, bool], ...]] = []
-        self._makes: dict[Atom, set[bool]] = {}
-        self._number = {atom: number for number, atom in enumerate(schema.task.atoms)}
-        self._work = self._grounding(schema)
-        self._head = "\n".join(
+    def text(
+        self, true: frozenset[Atom], goal: Condition, order: Sequence[Atom], avoid: Collection[Step] = frozenset()
+    ) -> str | None:
+        """The file for the search from the state in which exactly the atoms in `true` are true, without the actions in
+        `avoid`. The goal's literals are in the order of `order`. None where the goal needs an atom that can never be
+        true."""
+        operators, rules = self.relevant(true, goal, avoid)
+        variables = list(self.variables)
+        state = ["1"] * len(variables)
+        for atom in true:
+            if atom in self.number and atom not in self.derived:
+                state[self.number[atom]] = "0"
+        goals: list[str] = []
+        for atom in order:
+            if atom in self.number:
+                goals.append(f"{self.number[atom]} {0 if goal.facts[atom] else 1}")
+            elif goal.facts[atom]:
+                return None
+        for choice in goal.choices:  # the search takes a conjunction of literals: an axiom says when it holds
+            number, possible = len(variables), False
+            variables.append(_variable(number, self.highest_layer + 1))
+            state.append("1")
+            goals.append(f"{number} 0")
+            for part in choice:
+                for needs in alternatives(part, math.inf):
+                    if all(atom in self.number or not value for atom, value in needs.items()):
+                        rules.append(_rule(number, [(self.number[a], v) for a, v in needs.items() if a in self.number]))
+                        possible = True
+            if not possible:
+                return None
+        return "\n".join(
             [
-                "begin_version\n3\nend_version\nbegin_metric\n0\nend_metric",
-                str(len(self._number)),
-                *(
-                    f"begin_variable\nv{n}\n-1\n2\nAtom a{n}()\nNegatedAtom a{n}()\nend_variable"
-                    for n in self._number.values()
-                ),
+                f"begin_version\n3\nend_version\nbegin_metric\n{int(self.costs)}\nend_metric",
+                str(len(variables)),
+                *variables,
                 "0",
+                "\n".join(["begin_state", *state, "end_state"]),
+                "\n".join(["begin_goal", str(len(goals)), *goals, "end_goal"]),
+                str(len(operators)),
+                *operators,
+                str(len(rules)),
+                *rules,
+                "",
             ]
         )
+
+
+class GroundedTask(SasTask):
+    """All grounded actions of a task that can change something, worked out in this process. They take time: `ground`
+    has to be called until it is done with them. The task has no derived atoms."""
+
+    def __init__(self, schema: Schema) -> None:
+        super().__init__()
+        self._steps: list[Step] = []
+        self._written: list[tuple[Step, str]] = []
+        self._fixed: list[tuple[tuple[Atom, bool], ...]] = []
+        self._makes: dict[Atom, set[bool]] = {}
+        self.number = {atom: number for number, atom in enumerate(schema.task.atoms)}
+        self.variables = [_variable(number) for number in self.number.values()]
+        self._work = self._grounding(schema)
 
     def __len__(self) -> int:
         return len(self._steps)
 
-    def ground(self, stop: Callable[[], bool]) -> bool:
+    def ground(self, stop: Stop) -> bool:
         """Go on with the grounding until it is done or is to `stop`, which is asked after each action; whether it is
-        done. Not to be called from two threads at once."""
+        done. Not to be called from two threads at once.
+
+        Raises:
+            TooManyAlternativesError: a condition cannot be written down here.
+        """
         return not any(stop() for _ in self._work)
 
     def _grounding(self, schema: Schema) -> Iterator[None]:
@@ -113,114 +144,108 @@ class Grounded:
             for args in schema.typing.tuples([kind for _, kind in action.parameters]):
                 with contextlib.suppress(ValueError):  # this one contradicts itself
                     step = schema.ground(name, args)
-                    if not step.precondition.facts.entails(step.unconditional):
-                        self._operators.append(self._operator(len(self._steps), step))
+                    if any(not step.precondition.facts.entails(effect.facts) for effect in step.effects):
                         self._steps.append(step)
-                        for atom, value in step.unconditional.items():
-                            self._makes.setdefault(atom, set()).add(value)
                 yield
-        for step in self._steps:
+        self.costs = any(step.cost != 1 for step in self._steps)
+        self.conditional = any(effect.condition != ALWAYS for step in self._steps for effect in step.effects)
+        scale = 1 if all(step.cost == int(step.cost) for step in self._steps) else _FRACTION
+        for number, step in enumerate(self._steps):
+            for text in self._operators(number, step, round(step.cost * scale)):
+                self._written.append((step, text))
+            for effect in step.effects:
+                for atom, value in effect.facts.items():
+                    self._makes.setdefault(atom, set()).add(value)
+            yield
+        for step, _ in self._written:
             fixed = ((atom, value) for atom, value in step.precondition.facts.items() if atom not in self._makes)
             self._fixed.append(tuple(fixed))
             yield
 
-    def task(
-        self, true: frozenset[Atom], goal: Sequence[tuple[Atom, bool]], avoid: Collection[Step] = frozenset()
-    ) -> str:
-        """The file for the search from the state in which exactly the atoms in `true` are true, without the actions in
-        `avoid`."""
-        state = "\n".join("0" if atom in true else "1" for atom in self._number)
-        goals = "\n".join(f"{self._number[atom]} {0 if value else 1}" for atom, value in goal)
+    def relevant(
+        self, true: frozenset[Atom], goal: Condition, avoid: Collection[Step] = frozenset()
+    ) -> tuple[list[str], list[str]]:
         # What no action changes is as it is: an action that needs it otherwise can never be carried out, and one that
         # would make it so changes nothing.
         lasting = {atom for atom, values in self._makes.items() if values == {atom in true}}
         operators = [
             text
-            for step, text, fixed in zip(self._steps, self._operators, self._fixed, strict=True)
+            for (step, text), fixed in zip(self._written, self._fixed, strict=True)
             if all((atom in true) is value for atom, value in fixed)
             and not (lasting and lasting.issuperset(step.affects))
             and not (avoid and step in avoid)
         ]
-        return "\n".join(
-            [
-                self._head,
-                f"begin_state\n{state}\nend_state",
-                f"begin_goal\n{len(goal)}\n{goals}\nend_goal",
-                str(len(operators)),
-                *operators,
-                "0\n",
-            ]
-        )
+        return operators, []
 
-    def search(self, engine: Path, task: str, options: Sequence[str], seconds: float) -> Answer:
-        """What the search finds within `seconds` (wall time). Nothing of it runs on afterwards, whatever happens."""
-        with tempfile.TemporaryDirectory(prefix="executive-plan-") as name:
-            folder = Path(name)
-            (folder / "task.sas").write_text(task, encoding="ascii")
-            command = [str(engine), *options, "--internal-plan-file", "plan"]
-            process = subprocess.Popen(
-                ["sh", "-c", _FENCE, "sh", name, str(math.ceil(seconds) + 1), *command],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                errors="replace",
-                start_new_session=True,
-            )
-            expired = False
-            try:
-                said, _ = process.communicate(timeout=seconds)
-            except subprocess.TimeoutExpired:
-                expired, said = True, ""
-            finally:
-                _end(process)
-            plan = folder / "plan"
-            lines = plan.read_text(encoding="ascii").splitlines() if plan.exists() else []
-        steps = tuple(self._steps[int(line[2:-1])] for line in lines if line.startswith("("))
-        return Answer(process.returncode, steps, said, expired)
+    def step(self, name: str) -> Step:
+        return self._steps[int(name[1:])]
 
-    def least(self, engine: Path, task: str, seconds: float) -> int | None:
-        """So many steps every plan has at least, by LM-cut in the first state; None where that is not told in time."""
-        told = re.search(
-            r"Initial heuristic value for lmcut\S*: (\d+)", self.search(engine, task, _LEAST, seconds).said
-        )
-        return None if told is None else int(told[1])
-
-    def _operator(self, number: int, step: Step) -> str:
-        needs = {self._number[atom]: 0 if value else 1 for atom, value in step.precondition.facts.items()}
-        gives = {self._number[atom]: 0 if value else 1 for atom, value in step.unconditional.items()}
-        kept = [f"{atom} {value}" for atom, value in needs.items() if gives.get(atom, value) == value]
-        changed = [
-            f"0 {atom} {needs.get(atom, -1)} {value}" for atom, value in gives.items() if needs.get(atom) != value
-        ]
-        lines = [
-            "begin_operator",
-            f"s{number}",
-            str(len(kept)),
-            *kept,
-            str(len(changed)),
-            *changed,
-            "1",
-            "end_operator",
-        ]
-        return "\n".join(lines)
+    def _operators(self, number: int, step: Step, cost: int) -> Iterator[str]:
+        """An operator for each way in which the precondition can hold."""
+        effects = list(_effects(step))
+        for alternative in alternatives(step.precondition):
+            needs = {self.number[atom]: 0 if value else 1 for atom, value in alternative.items()}
+            changed = []
+            changing = set()
+            for condition, atom, value in effects:
+                variable, after = self.number[atom], 0 if value else 1
+                if needs.get(variable) == after or any(alternative.get(a, v) is not v for a, v in condition.items()):
+                    continue
+                left = [f"{self.number[a]} {0 if v else 1}" for a, v in condition.items() if a not in alternative]
+                changed.append(" ".join([str(len(left)), *left, f"{variable} {needs.get(variable, -1)} {after}"]))
+                changing.add(variable)
+            if changed:
+                kept = [f"{variable} {value}" for variable, value in needs.items() if variable not in changing]
+                lines = ["begin_operator", f"s{number}", str(len(kept)), *kept, str(len(changed)), *changed, str(cost)]
+                yield "\n".join([*lines, "end_operator"])
 
 
-def find_engine() -> Path:
-    """Where Fast Downward's search is.
+class TooManyAlternativesError(Exception):
+    """A condition is the disjunction of too many conjunctions to be written out."""
+
+
+def alternatives(condition: Condition, most: float = MOST_ALTERNATIVES) -> list[Facts]:
+    """The conjunctions of literals that a condition is the disjunction of.
 
     Raises:
-        MissingError: it is not installed.
+        TooManyAlternativesError: there are more than `most`.
     """
-    package = importlib.util.find_spec(PACKAGE)
-    for place in () if package is None else package.submodule_search_locations or ():
-        if (Path(place) / ENGINE).exists():
-            return Path(place) / ENGINE
-    raise MissingError("Fast Downward is not installed", command="pip install up-fast-downward")
+    found: list[Mapping[Atom, bool]] = [condition.facts]
+    for choice in condition.choices:
+        parts = [inner for part in choice for inner in alternatives(part, most)]
+        found = [
+            {**before, **inner}
+            for before in found
+            for inner in parts
+            if all(before.get(atom, value) is value for atom, value in inner.items())
+        ]
+        if len(found) > most:
+            raise TooManyAlternativesError(str(condition))
+    return [facts if isinstance(facts, Facts) else Facts(facts) for facts in found]
 
 
-def _end(process: subprocess.Popen[str]) -> None:
-    """Kill a process and the group that it leads. There is nothing in it worth a farewell."""
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.communicate()
+def _effects(step: Step) -> Iterator[tuple[Facts, Atom, bool]]:
+    """Each effect on an atom with a conjunction of literals under which it comes about: an atom both deleted and added
+    is true afterwards."""
+    if len(step.effects) == 1 and step.effects[0].condition == ALWAYS:
+        for atom, value in step.effects[0].facts.items():
+            yield ALWAYS.facts, atom, value
+        return
+    adding: dict[Atom, list[Condition]] = {}
+    for effect in step.effects:
+        for atom in effect.facts.true:
+            adding.setdefault(atom, []).append(effect.condition)
+    for effect in step.effects:
+        for atom, value in effect.facts.items():
+            others = () if value else (~condition for condition in adding.get(atom, ()))
+            for needs in alternatives(Condition.all_of((effect.condition, *others))):
+                yield needs, atom, value
+
+
+def _variable(number: int, layer: int = -1) -> str:
+    return f"begin_variable\nv{number}\n{layer}\n2\nAtom a{number}()\nNegatedAtom a{number}()\nend_variable"
+
+
+def _rule(number: int, needs: Iterable[tuple[int, bool]]) -> str:
+    lines = [f"{variable} {0 if value else 1}" for variable, value in needs]
+    return "\n".join(["begin_rule", str(len(lines)), *lines, f"{number} 1 0", "end_rule"])

@@ -328,6 +328,11 @@ class DerivedRules:
         return bool(self.rules)
 
     @cached_property
+    def fluents(self) -> frozenset[Atom]:
+        """The atoms that the rules name and that are not derived."""
+        return frozenset[Atom]().union(*(rule.atoms for rule in self.rules.values())) - self.rules.keys()
+
+    @cached_property
     def _users(self) -> Mapping[Atom, tuple[Atom, ...]]:
         """The derived atoms whose rules name each derived atom."""
         users: dict[Atom, list[Atom]] = {}

@@ -20,9 +20,10 @@ from hypothesis import strategies as st
 
 from executive.domain.pddl import Schema, read_task
 from executive.errors import MissingError
-from executive.planning.fast_downward import FastDownwardPlanner
-from executive.planning.goal_order import by_goals, holds, replay
-from executive.planning.sas_task import SOLVED, UNSOLVABLE, Grounded, find_engine
+from executive.planning.engine import SasFile, find_search
+from executive.planning.fast_downward import SOLVED, UNSOLVABLE, FastDownwardPlanner
+from executive.planning.goal_order import State, by_goals, replay
+from executive.planning.sas_task import GroundedTask
 from executive.protocols import Planner
 from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan
 from tests.executive.domain.pddl.test_reader import DATA, PAIRS
@@ -92,14 +93,14 @@ def test_a_plan_leads_from_the_state_to_the_goal(planners: Planners, schemas: Sc
         return
     end = replay(state.true, answer.steps)
     assert end is not None
-    assert holds(end, goal.facts)
+    assert goal.truth(State(end))
     assert answer.cost == len(answer.steps)
     assert all(step == schemas[name].ground(step.action, step.args) for step in answer.steps)
 
 
 @given(name=st.sampled_from(["sort-all", "tray", "dishes"]), seed=st.integers(0, 10**6))
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_what_is_written_down_is_the_task_that_unified_planning_makes_of_it(
+def test_what_is_grounded_here_is_the_task_that_the_translator_makes_of_it(
     planners: Planners, schemas: Schemas, name: str, seed: int
 ) -> None:
     """Solvable where that is, in as few steps; goals that something be false included, and steps to do without."""
@@ -169,7 +170,7 @@ def test_what_is_held_is_put_down_first(planners: Planners, schemas: Schemas) ->
 
 
 def test_a_goal_that_holds_needs_no_steps_and_no_engine(schemas: Schemas, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.planning.fast_downward.Grounded", None)
+    monkeypatch.setattr("executive.planning.fast_downward.find_search", None)
     planner = FastDownwardPlanner(schemas["breakfast"])
     answer = planner.plan(EXAMPLE_1, Condition.parse("on-table(lemon,white-table)", "not robot-gripping(lemon)"))
     assert steps(answer) == []
@@ -226,43 +227,42 @@ def test_actions_without_effect_are_not_written_down(tmp_path: Path) -> None:
         "(define (problem go) (:domain rooms) (:objects hall kitchen) (:init (in hall)) (:goal (done)))"
     )
     schema = read_task(tmp_path / "domain.pddl", tmp_path / "problem.pddl")
-    task = Grounded(schema)
+    task = GroundedTask(schema)
     assert task.ground(lambda: False)
     # Two moves between the rooms; in each room, to paint and to work.
     assert len(task) == 6
     painted = frozenset({Atom("in", ("hall",)), Atom("painted", ("hall",))})
-    goal = [(Atom("done"), True)]
-    written = [
-        task.task(true, goal).count("begin_operator") for true in (painted - {Atom("painted", ("hall",))}, painted)
-    ]
+    goal = schema.task.goal
+    written = [len(task.relevant(true, goal)[0]) for true in (painted - {Atom("painted", ("hall",))}, painted)]
     assert written == [6, 5], "nothing ever takes the paint off, so to paint the hall again changes nothing"
     work = schema.ground("work", ("hall",))
-    assert task.task(painted, goal, frozenset({work})).count("begin_operator") == 4
+    assert len(task.relevant(painted, goal, frozenset({work}))[0]) == 4
 
 
 def test_an_engine_that_fails_is_quoted_by_the_line_that_matters() -> None:
-    engine = find_engine()
     schema = read_task(*PAIRS["tray"])
-    task = Grounded(schema)
+    task = GroundedTask(schema)
     task.ground(lambda: False)
-    text = task.task(frozenset(), [(schema.task.atoms[0], True)])
+    text = task.text(frozenset(), schema.task.goal, list(schema.task.goal.facts))
+    assert text is not None
     broken = re.sub(r"\nend_operator", "\nend_of_nothing", text, count=1)
-    answer = task.search(engine, broken, ("--search", "astar(blind())"), 20.0)
-    assert answer.code not in (SOLVED, UNSOLVABLE)
-    assert "end_operator" in answer.last_words
-    assert not re.search("exit ?code|[Mm]emory|Usage", answer.last_words)
+    with SasFile(find_search(), broken) as file:
+        ended = file.search("astar(blind())", 20.0).ended
+    assert ended.code not in (SOLVED, UNSOLVABLE)
+    assert "end_operator" in ended.last_words
+    assert not re.search("exit ?code|[Mm]emory|Usage", ended.last_words)
 
 
 def test_grounding_goes_on_where_it_was_told_to_stop(schemas: Schemas) -> None:
     schema = schemas["sort-all"]
-    whole, parts = Grounded(schema), Grounded(schema)
+    whole, parts = GroundedTask(schema), GroundedTask(schema)
     assert whole.ground(lambda: False)
     calls = 0
     while not parts.ground(lambda: True):
         calls += 1
     assert calls >= len(parts), "it stops after each action"
-    question = frozenset[Atom](), [(atom, True) for atom in schema.goals]
-    assert parts.task(*question) == whole.task(*question)
+    question = frozenset[Atom](), schema.task.goal, schema.goals
+    assert parts.text(*question) == whole.text(*question)
 
 
 def test_a_planner_without_time_has_timed_out_and_loses_nothing(schemas: Schemas) -> None:
@@ -281,8 +281,8 @@ def test_an_order_of_steps_that_takes_too_long_to_find_is_left_as_it_is(planners
     assert isinstance(found, Plan)
     other = (*found.steps[2:], *found.steps[:2])
     order = list(schemas["breakfast"].goals)
-    assert by_goals(EXAMPLE_1, other, goal.facts, order) == found.steps
-    assert by_goals(EXAMPLE_1, other, goal.facts, order, stop=lambda: True) == other
+    assert by_goals(EXAMPLE_1.true, other, goal, order) == found.steps
+    assert by_goals(EXAMPLE_1.true, other, goal, order, stop=lambda: True) == other
 
 
 def test_an_atom_of_another_task_is_refused(planners: Planners) -> None:
@@ -301,10 +301,10 @@ def test_a_missing_engine_is_named_with_its_command(
     schemas: Schemas, monkeypatch: pytest.MonkeyPatch, grounded: bool
 ) -> None:
     if grounded:
-        monkeypatch.setattr("executive.planning.sas_task.PACKAGE", "no_such_package")
+        monkeypatch.setattr("executive.planning.engine.PACKAGE", "no_such_package")
     else:
         monkeypatch.setattr("executive.planning.fast_downward.MOST_GROUNDED", -1)
-        monkeypatch.setattr("executive.planning.fast_downward.ENGINE", "no-such-engine")
+        monkeypatch.setattr("executive.planning.engine.TRANSLATOR", "no_such_package.translate")
     planner = FastDownwardPlanner(schemas["tray"])
     planner.warm_up()  # says nothing; the call that needs it does
     with pytest.raises(MissingError, match="pip install up-fast-downward"):
@@ -388,7 +388,6 @@ def gone(mark: str) -> bool:
 
 
 SEARCH = "--internal-plan-file"
-DRIVER = "fast-downward.py"
 
 
 def test_a_search_that_takes_too_long_times_out_and_leaves_no_process(
@@ -403,18 +402,18 @@ def test_a_search_that_takes_too_long_times_out_and_leaves_no_process(
     assert not list(tmp_path.iterdir())  # Fast Downward's intermediate file did not land in the current directory
 
 
-@pytest.mark.parametrize(("most", "searches", "victim"), [(20_000, 3, SEARCH), (-1, 2, SEARCH), (-1, 2, DRIVER)])
+@pytest.mark.parametrize("grounded", [True, False])
 def test_killed_processes_are_a_crash_and_take_the_others_with_them(
-    fifteen: Schema, mark: str, monkeypatch: pytest.MonkeyPatch, most: int, searches: int, victim: str
+    fifteen: Schema, mark: str, monkeypatch: pytest.MonkeyPatch, grounded: bool
 ) -> None:
-    """Whichever of the engine's processes dies, in each of the searches."""
-    monkeypatch.setattr("executive.planning.fast_downward.MOST_GROUNDED", most)
+    """In each of the searches."""
+    if not grounded:
+        monkeypatch.setattr("executive.planning.fast_downward.MOST_GROUNDED", -1)
     killed: list[int] = []
 
     def kill() -> None:
-        for _ in range(searches):
-            wait_for(mark, SEARCH)
-            killed.append(wait_for(mark, victim))
+        for _ in range(2):
+            killed.append(wait_for(mark, SEARCH))
             os.kill(killed[-1], signal.SIGKILL)
             while killed[-1] in marked(mark):
                 time.sleep(0.01)
@@ -426,7 +425,7 @@ def test_killed_processes_are_a_crash_and_take_the_others_with_them(
     assert isinstance(answer, NoPlan)
     assert answer.reason is NoPlanReason.CRASHED
     assert answer.detail.isprintable()
-    assert len(set(killed)) == searches
+    assert len(set(killed)) == 2
     assert gone(mark)
 
 
@@ -435,7 +434,7 @@ def test_an_engine_that_does_not_start_is_a_crash(
     schemas: Schemas, monkeypatch: pytest.MonkeyPatch, grounded: bool
 ) -> None:
     if grounded:
-        monkeypatch.setattr("executive.planning.fast_downward.find_engine", lambda: Path("/no/such/engine"))
+        monkeypatch.setattr("executive.planning.fast_downward.find_search", lambda: Path("/no/such/engine"))
     else:
         monkeypatch.setattr("executive.planning.fast_downward.MOST_GROUNDED", -1)
     planner = FastDownwardPlanner(schemas["breakfast"])

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.domain.pddl import Schema, read_task
-from executive.planning.goal_order import by_goals, holds, replay
-from executive.types import Atom, Facts, Step
+from executive.planning.goal_order import State, by_goals, replay
+from executive.types import Atom, Condition, Facts, Step
 from tests.executive.domain.pddl.test_reader import PAIRS, instances
 
 SCHEMAS = {name: read_task(*PAIRS[name]) for name in ("sort-all", "tray", "dishes")}
@@ -25,7 +25,7 @@ def walk(name: str, seed: int, length: int) -> tuple[Facts, list[Step], frozense
     true: set[Atom] = set(start)
     steps: list[Step] = []
     for _ in range(length):
-        possible = [step for step in STEPS[name] if holds(true, step.precondition.facts)]
+        possible = [step for step in STEPS[name] if step.precondition.truth(State(true))]
         if not possible:
             break
         steps.append(choose.choice(possible))
@@ -40,12 +40,12 @@ def test_a_reordered_plan_is_as_valid_and_has_the_same_steps(
 ) -> None:
     state, steps, end = walk(name, seed, length)
     order = data.draw(st.lists(st.sampled_from(SCHEMAS[name].task.atoms), unique=True, max_size=6))
-    goal = Facts({atom: atom in end for atom in order})
-    reordered = by_goals(state, steps, goal, order)
+    goal = Condition.of({atom: atom in end for atom in order})
+    reordered = by_goals(state.true, steps, goal, order)
     assert Counter(reordered) == Counter(steps)
     after = replay(state.true, reordered)
     assert after is not None
-    assert holds(after, goal)
+    assert goal.truth(State(after))
 
 
 def pick_and_place(schema: Schema, *moves: str) -> list[Step]:
@@ -66,8 +66,8 @@ def test_items_are_sorted_in_the_order_of_the_goal_whatever_the_planner_chose(
     goals = [Atom("on-table", (item, "white-table")) for item in order]
     moves = [f"{item} black-table white-table" for item in order]
     steps = pick_and_place(schema, *(moves[index] for index in found))
-    goal = Facts(dict.fromkeys(goals, True))
-    assert list(by_goals(state, steps, goal, goals)) == pick_and_place(schema, *moves)
+    goal = Condition.of(dict.fromkeys(goals, True))
+    assert list(by_goals(state.true, steps, goal, goals)) == pick_and_place(schema, *moves)
 
 
 def test_what_is_needed_first_stays_first() -> None:
@@ -78,7 +78,7 @@ def test_what_is_needed_first_stays_first() -> None:
         *pick_and_place(schema, "soda-can black-table white-table"),
     ]
     order = [Atom.parse("on-table(soda-can,white-table)"), Atom.parse("on-table(lemon,wood-table)")]
-    assert list(by_goals(state, steps, Facts(dict.fromkeys(order, True)), order)) == steps
+    assert list(by_goals(state.true, steps, Condition.of(dict.fromkeys(order, True)), order)) == steps
 
 
 @pytest.mark.parametrize("missing", ["robot-gripper-empty", "on-table(lemon,black-table)"])

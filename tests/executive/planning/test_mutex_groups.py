@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import time
 from collections.abc import Iterable
 from itertools import combinations
@@ -17,8 +16,10 @@ from executive.belief.mutex_inference import Group
 from executive.domain.loader import load_domain
 from executive.domain.pddl import Schema, read_task
 from executive.errors import MissingError
-from executive.planning import mutex_groups
+from executive.planning import engine, mutex_groups, translation
+from executive.planning.engine import Ended
 from executive.planning.mutex_groups import Mutexes, find_mutexes
+from executive.planning.pddl_text import PddlText
 from executive.types import Atom, Step
 
 ROOT = Path(__file__).parents[3]
@@ -204,18 +205,11 @@ def test_groups_of_any_small_domain_hold_wherever_its_actions_lead(tmp_path: Pat
     holds(found, reachable(schema, found.state))
 
 
-class Slow:
-    """Runs nothing, and never in time."""
-
-    def __call__(self, command: Any, **_: object) -> Any:
-        raise subprocess.TimeoutExpired(command, 1.0)
-
-
 def test_a_translator_that_does_not_end_costs_the_groups_and_not_the_run(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     schema = load_domain(TRAY).parsed
-    monkeypatch.setattr(subprocess, "run", Slow())
+    monkeypatch.setattr(translation, "run_program", lambda *_: Ended(-9, "", expired=True))
     assert find_mutexes(schema)[:2] == ((), schema.task.declared)
     assert "did not finish in time; answers are not made consistent" in caplog.text
 
@@ -224,15 +218,15 @@ def test_completing_the_state_is_part_of_what_has_to_be_done_in_time(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """The translator answers, and then there is no time left for the grounded actions."""
-    schema, run, late = load_domain(TRAY).parsed, mutex_groups._run, 0.0
+    schema, run, late = load_domain(TRAY).parsed, translation.run_translator, 0.0
 
-    def slow(*arguments: Any) -> str:
+    def slow(*arguments: Any, **more: Any) -> str:
         nonlocal late
         late = 1000.0
-        return run(*arguments)
+        return run(*arguments, **more)
 
     now = time.monotonic
-    monkeypatch.setattr(mutex_groups, "_run", slow)
+    monkeypatch.setattr(mutex_groups, "run_translator", slow)
     monkeypatch.setattr(time, "monotonic", lambda: now() + late)
     assert find_mutexes(schema)[:2] == ((), schema.task.declared)
     assert "did not finish in time; answers are not made consistent" in caplog.text
@@ -240,12 +234,12 @@ def test_completing_the_state_is_part_of_what_has_to_be_done_in_time(
 
 def test_a_translator_that_fails_says_why(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     schema = load_domain(TRAY).parsed
-    monkeypatch.setattr(mutex_groups._Names, "domain", lambda names: "(define (domain task) (:nonsense))")
+    monkeypatch.setattr(PddlText, "domain", lambda text, *more: "(define (domain task) (:nonsense))")
     assert find_mutexes(schema).groups == ()
     assert "Fast Downward's translator failed (" in caplog.text
 
 
 def test_a_missing_translator_is_named_with_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mutex_groups, "TRANSLATOR", "fast_downward_is_not_here.translate")
+    monkeypatch.setattr(engine, "TRANSLATOR", "fast_downward_is_not_here.translate")
     with pytest.raises(MissingError, match="pip install up-fast-downward"):
         find_mutexes(load_domain(TRAY).parsed)

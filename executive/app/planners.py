@@ -1,0 +1,56 @@
+"""Chooses and builds a planner, and asks it for a plan from a problem's initial state."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from executive.domain.loader import Domain
+from executive.domain.pddl import Schema
+from executive.errors import InputError
+from executive.planning.fast_downward import ENGINE, FastDownwardPlanner
+from executive.planning.mutex_groups import find_mutexes
+from executive.planning.unified_planning import UnifiedPlanner
+from executive.protocols import Planner
+from executive.types import Atom, Facts, NoPlan, Plan
+
+
+def open_planner(
+    schema: Schema, name: str = ENGINE, *, timeout: float = 30.0, optimal: bool = False
+) -> FastDownwardPlanner | UnifiedPlanner:
+    """Build the planner of that name: `fast-downward`, or any that unified-planning has.
+
+    Args:
+        timeout: the wall time in seconds that a plan may take.
+        optimal: only a plan that is proven to be one of the cheapest will do.
+
+    Raises:
+        InputError: there is no such planner, or it does not take what the task has.
+        MissingError: it is not installed.
+    """
+    if name == ENGINE:
+        return FastDownwardPlanner(schema, timeout=timeout, optimal=optimal)
+    if optimal:
+        raise InputError(f"goes with --planner {ENGINE}; others have an engine of their own for it", key="--optimal")
+    return UnifiedPlanner(schema, name, timeout=timeout)
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """The answer to the question for a plan from a problem's initial state, and the seconds that it took; `assumed` are
+    true atoms that :init leaves open."""
+
+    answer: Plan | NoPlan
+    seconds: float
+    assumed: frozenset[Atom] = frozenset()
+
+
+def plan_problem(domain: Domain, planner: Planner) -> Planned:
+    """Plan from what a problem's :init says. Where that leaves open where things are, for a robot to see, they are
+    taken to be somewhere."""
+    began, task = time.perf_counter(), domain.task
+    true = task.declared
+    if domain.leaves_open:
+        true = true | find_mutexes(domain.parsed).state
+    answer = planner.plan(Facts.closed(true, task.atoms), task.goal)
+    return Planned(answer, time.perf_counter() - began, frozenset(true - task.declared))

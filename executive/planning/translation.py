@@ -1,0 +1,207 @@
+"""A task grounded by Fast Downward's translator, once, and kept: a state and a goal are then a search away.
+
+The translator looks for what can become true from an initial state if nothing is ever made false, and grounds the
+actions that this allows. It starts from what the problem file's :init says and from the state that is planned from.
+Every state made of what it finds can be written down, whether actions lead there or not; a state with another true atom
+has the task grounded once more, from all of these states together.
+
+Invariants are not looked for: each atom is a variable of its own, so that a state that breaks one can be written down,
+too, and no time is spent on proofs. Static atoms are what :init says, in this as in everything else.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from executive.domain.pddl import Schema
+from executive.domain.pddl.schema import literals
+from executive.planning.engine import TRANSLATOR, run_program, translator_command
+from executive.planning.pddl_text import FINISH, PddlText
+from executive.planning.sas_task import SasTask
+from executive.types import Atom, Condition, Step
+
+_OPTIONS = ("--invariant-generation-max-candidates", "0", "--keep-unreachable-facts", "--keep-unimportant-variables")
+FILE = ("--sas-file", "task.sas")
+"""Options that name the file which the translator writes."""
+
+
+class TranslatorError(Exception):
+    """The translator failed, or was not done in time (`late`)."""
+
+    def __init__(self, message: str, late: bool = False) -> None:
+        super().__init__(message)
+        self.late = late
+
+
+def run_translator(
+    domain: str, problem: str, seconds: float, options: Sequence[str] = (), module: str = TRANSLATOR
+) -> str:
+    """Have one of the translator's programs look at a task: the file that it writes, or else what it prints.
+
+    Raises:
+        TranslatorError: it ends with an error, or not in time.
+        MissingError: it is not installed.
+    """
+    command = [*translator_command(module), *options, "domain.pddl", "problem.pddl"]
+    if seconds <= 0:
+        raise TranslatorError("Fast Downward's translator did not finish in time", late=True)
+    with tempfile.TemporaryDirectory(prefix="executive-translate-") as name:
+        folder = Path(name)
+        (folder / "domain.pddl").write_text(domain, encoding="ascii")
+        (folder / "problem.pddl").write_text(problem, encoding="ascii")
+        try:
+            ended = run_program(command, folder, seconds)
+            if ended.expired:
+                raise TranslatorError("Fast Downward's translator did not finish in time", late=True)
+            if ended.code:
+                raise TranslatorError(f"Fast Downward's translator failed ({ended.last_words})")
+            return (folder / "task.sas").read_text(encoding="ascii") if options else ended.said
+        except OSError as error:
+            raise TranslatorError(f"Fast Downward's translator cannot be run ({error.strerror})") from None
+
+
+class TranslatedTask(SasTask):
+    """A task as the translator grounds it."""
+
+    def __init__(self, schema: Schema) -> None:
+        super().__init__()
+        self._schema = schema
+        self._text = PddlText(schema)
+        self._operators: list[_Operator] = []
+        self._needs: dict[int, set[int]] = {}
+        self._rules: list[tuple[int, str]] = []
+        self._from: frozenset[Atom] | None = None
+        self._asked: frozenset[Atom] = frozenset()
+
+    def __len__(self) -> int:
+        return len(self._operators)
+
+    def covers(self, true: frozenset[Atom], goal: Condition) -> bool:
+        """Whether a state in which exactly the atoms in `true` are true, and the goal, can be written down."""
+        if self._from is None or any(atom not in self.number for atom in true):
+            return False
+        return not (goal.atoms & self._schema.task.derived.rules.keys()) - self._asked
+
+    def ground(self, true: frozenset[Atom], goal: Condition, seconds: float) -> None:
+        """Have the task grounded so that a state and a goal can be written down, with all before them.
+
+        Raises:
+            TranslatorError: the translator fails, or is not done within so many seconds of wall time.
+            MissingError: it is not installed.
+        """
+        derived = self._schema.task.derived.rules.keys()
+        asked = self._asked | (goal.atoms & derived) | (self._schema.task.goal.atoms & derived)
+        start = true | self._schema.task.declared | (self._from or frozenset())
+        # An axiom that no action needs is left out of the file unless something asks for its atom.
+        more = [self._text.asker(number, atom) for number, atom in enumerate(sorted(asked))]
+        # What no action changes and is looked at all the same may turn out to be otherwise than :init says.
+        changed = {each.predicate for action in self._schema.actions.values() for each in literals(action.effects)}
+        looked_at = {atom.predicate for atom in self._schema.task.atoms} - changed
+        more += [self._text.maker(predicate) for predicate in sorted(looked_at)]
+        sas = run_translator(self._text.domain(FINISH, *more), self._text.problem(start), seconds, (*_OPTIONS, *FILE))
+        self._read(sas)
+        self._from, self._asked = start, asked
+
+    def relevant(
+        self, true: frozenset[Atom], goal: Condition, avoid: Collection[Step] = frozenset()
+    ) -> tuple[list[str], list[str]]:
+        matter = self._that_matter(goal)
+        left_out = {self._text.call(step) for step in avoid}
+        operators = [
+            operator.text if operator.changes <= matter else operator.on(matter)
+            for operator in self._operators
+            if operator.name not in left_out and not operator.changes.isdisjoint(matter)
+        ]
+        return operators, [rule for head, rule in self._rules if head in matter]
+
+    def _that_matter(self, goal: Condition) -> set[int]:
+        """The variables that may matter for a goal: its own, and what must be so to change one that matters."""
+        waiting = [self.number[atom] for atom in goal.atoms if atom in self.number]
+        relevant = set(waiting)
+        while waiting:
+            found = self._needs.get(waiting.pop(), set()) - relevant
+            relevant |= found
+            waiting += found
+        return relevant
+
+    def step(self, name: str) -> Step:
+        call = self._text.action(name)
+        if call is None:
+            raise ValueError(f"there is no action {name}")
+        return self._schema.ground(*call)
+
+    def _read(self, sas: str) -> None:
+        """Take over what the translator wrote (version 3 of its format)."""
+        front, _, tail = sas.partition("\nbegin_state\n")
+        self.costs = "begin_metric\n1\n" in front
+        self.variables, self.number, self.highest_layer = [], {}, -1
+        derived = set()
+        for text in _blocks(front, "variable"):
+            _begin, _name, layer, _size, value, *_ = text.split("\n")
+            atom = self._text.atom(value)
+            if atom is not None:
+                self.number[atom] = len(self.variables)
+                if layer != "-1":
+                    derived.add(atom)
+            self.highest_layer = max(self.highest_layer, int(layer))
+            self.variables.append(text)
+        self.derived = frozenset(derived)
+        _state, _, tail = tail.partition("\nend_goal\n")
+        self.conditional = False
+        self._operators, self._needs = [], {}
+        for text in _blocks(tail, "operator"):
+            operator = _Operator.read(text)
+            if self._text.action(operator.name) is not None:
+                self._operators.append(operator)
+                for variables, variable in operator.effects:
+                    self.conditional = self.conditional or bool(variables)
+                    self._needs.setdefault(variable, set()).update(operator.needs, variables)
+        self._rules = []
+        for text in _blocks(tail, "rule"):
+            *conditions, head = [int(fact.split()[0]) for fact in text.split("\n")[2:-1]]
+            self._needs.setdefault(head, set()).update(conditions)
+            self._rules.append((head, text))
+        self.axioms = bool(self._rules)
+
+
+@dataclass(frozen=True, slots=True)
+class _Operator:
+    """An operator of the translator's: its name, the variables that it needs and that it changes, for each effect the
+    variables of its conditions and the one that it changes, and its text."""
+
+    name: str
+    needs: frozenset[int]
+    changes: frozenset[int]
+    effects: tuple[tuple[tuple[int, ...], int], ...]
+    text: str
+
+    @classmethod
+    def read(cls, text: str) -> _Operator:
+        lines = text.split("\n")
+        kept = int(lines[2])
+        needs = {int(line.split()[0]) for line in lines[3 : 3 + kept]}
+        effects = []
+        for line in lines[4 + kept : -2]:
+            count, *parts = line.split()
+            variable, before, _after = parts[-3:]
+            if before != "-1":
+                needs.add(int(variable))
+            effects.append((tuple(map(int, parts[: 2 * int(count) : 2])), int(variable)))
+        changes = frozenset(variable for _, variable in effects)
+        return cls(lines[1].rstrip(), frozenset(needs), changes, tuple(effects), text)
+
+    def on(self, relevant: set[int]) -> str:
+        """The text without what it does to other variables than these."""
+        lines = self.text.split("\n")
+        first = 4 + int(lines[2])
+        left = [line for line, (_, variable) in zip(lines[first:-2], self.effects, strict=True) if variable in relevant]
+        return "\n".join([*lines[: first - 1], str(len(left)), *left, *lines[-2:]])
+
+
+def _blocks(text: str, kind: str) -> list[str]:
+    """The parts of a file that begin with `begin_<kind>`."""
+    begin, end = f"begin_{kind}\n", f"end_{kind}"
+    return [f"{begin}{block.partition(end)[0]}{end}" for block in text.split(begin)[1:]]
