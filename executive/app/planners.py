@@ -6,7 +6,6 @@ import time
 from dataclasses import dataclass
 
 from executive.domain.loader import Domain
-from executive.domain.pddl import Schema
 from executive.errors import InputError
 from executive.planning.fast_downward import ENGINE, FastDownwardPlanner
 from executive.planning.mutex_groups import find_mutexes
@@ -16,9 +15,9 @@ from executive.types import Atom, Facts, NoPlan, Plan
 
 
 def open_planner(
-    schema: Schema, name: str = ENGINE, *, timeout: float = 30.0, optimal: bool = False
+    domain: Domain, name: str = ENGINE, *, timeout: float = 30.0, optimal: bool = False
 ) -> FastDownwardPlanner | UnifiedPlanner:
-    """Build the planner of that name: `fast-downward`, or any that unified-planning has.
+    """Build the planner of that name for a domain's problem: `fast-downward`, or any that unified-planning has.
 
     Args:
         timeout: the wall time in seconds that a plan may take.
@@ -29,10 +28,10 @@ def open_planner(
         MissingError: it is not installed.
     """
     if name == ENGINE:
-        return FastDownwardPlanner(schema, timeout=timeout, optimal=optimal)
+        return FastDownwardPlanner(domain.parsed, timeout=timeout, optimal=optimal)
     if optimal:
         raise InputError(f"goes with --planner {ENGINE}; others have an engine of their own for it", key="--optimal")
-    return UnifiedPlanner(schema, name, timeout=timeout)
+    return UnifiedPlanner(domain.parsed, name, timeout=timeout)
 
 
 @dataclass(frozen=True, slots=True)

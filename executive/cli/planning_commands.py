@@ -37,7 +37,7 @@ def plan(
     began = clock.perf_counter()
     try:
         loaded = load_domain(domain, chosen_problem(problem_file, problem))
-        planned = plan_problem(loaded, open_planner(loaded.parsed, planner, timeout=time, optimal=optimal))
+        planned = plan_problem(loaded, open_planner(loaded, planner, timeout=time, optimal=optimal))
     except ExecutiveError as error:
         if as_json and error.exit_code == InputError.exit_code:
             print(_as_json("refused", None, None, clock.perf_counter() - began, str(error)))

@@ -60,7 +60,9 @@ def run_translator(
                 raise TranslatorError(f"Fast Downward's translator failed ({ended.last_words})")
             return (folder / "task.sas").read_text(encoding="ascii") if options else ended.said
         except OSError as error:
-            raise TranslatorError(f"Fast Downward's translator cannot be run ({error.strerror})") from None
+            raise TranslatorError(
+                f"Fast Downward's translator cannot be run ({error.filename}: {error.strerror})"
+            ) from None
 
 
 class TranslatedTask(SasTask):
