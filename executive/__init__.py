@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from executive.domain import load_domain, load_subject
     from executive.domain.pddl import read_task
     from executive.faults import FaultInjector, parse_fault
-    from executive.planning import FastDownwardPlanner
+    from executive.planning import FastDownwardPlanner, UnifiedPlanner
     from executive.sim.relations import SimState, takes
     from executive.sim.truth import Oracle, Truth
     from executive.sim.world import MujocoWorld
@@ -113,6 +113,7 @@ __all__ = [
     "Task",
     "TerminalSink",
     "Truth",
+    "UnifiedPlanner",
     "Verdict",
     "World",
     "__version__",
@@ -144,6 +145,7 @@ _FROM = {
     "SimState": "executive.sim.relations",
     "TerminalSink": "executive.trace.terminal",
     "Truth": "executive.sim.truth",
+    "UnifiedPlanner": "executive.planning",
     "compare": "executive.core.compare",
     "make_executive": "executive.app.assembly",
     "load_domain": "executive.domain",

@@ -257,11 +257,11 @@ class _Question:
             return NoPlan(NoPlanReason.TIMED_OUT, "" if ended.expired else _GAVE_UP[ended.code])
         return NoPlan(NoPlanReason.CRASHED, f"the engine ended with exit code {ended.code}: {ended.last_words}")
 
-    def _least(self) -> int:
+    def _least(self) -> float:
         """What every plan costs at least, by LM-cut in the first state; 0 where that is not told in time."""
         left = self._until - time.perf_counter()
         said = self._file.search(_LEAST, max(0.0, left)).ended.said
-        return _number(r"Initial heuristic value for lmcut\S*: (\d+)", said) or 0
+        return (_number(r"Initial heuristic value for lmcut\S*: (\d+)", said) or 0) / self._task.scale
 
 
 def _failed(found: _Found | NoPlan) -> bool:

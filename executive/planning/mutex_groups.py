@@ -179,8 +179,8 @@ def _moves(schema: Schema, deadline: float) -> list[_Move]:
     if size(schema) > MOST_MOVES:
         return []
     found = []
-    for name, action in schema.actions.items():
-        for args in schema.typing.tuples([kind for _, kind in action.parameters]):
+    for name in schema.actions:
+        for args in schema.arguments(name):
             _in_time(deadline)
             with contextlib.suppress(ValueError):  # this one contradicts itself
                 step = schema.ground(name, args)

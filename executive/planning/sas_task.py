@@ -25,13 +25,18 @@ MOST_ALTERNATIVES = 64
 """Conjunctions that a condition may be the disjunction of, to be written down in this process."""
 
 _FRACTION = 1_000
-"""The search counts costs in whole numbers: where they are none, in thousandths."""
 
 
 def size(schema: Schema) -> int:
     """How many grounded actions a task may have at most."""
-    members = {kind: len(schema.typing.members(kind)) for kind in {*schema.typing.supertypes, "object"}}
-    return sum(math.prod(members[kind] for _, kind in action.parameters) for action in schema.actions.values())
+    actions = schema.actions.values()
+    return sum(schema.grounding.count(action.parameters, action.precondition) for action in actions)
+
+
+def scale(costs: Iterable[float]) -> int:
+    """What costs are multiplied by for the search, which counts them in whole numbers: in thousandths where one is not
+    whole."""
+    return 1 if all(cost == int(cost) for cost in costs) else _FRACTION
 
 
 class SasTask:
@@ -48,6 +53,7 @@ class SasTask:
         self.variables: list[str] = []
         self.highest_layer = -1
         self.costs = False
+        self.scale = 1
         self.conditional = False
         self.axioms = False
 
@@ -140,18 +146,18 @@ class GroundedTask(SasTask):
         return not any(stop() for _ in self._work)
 
     def _grounding(self, schema: Schema) -> Iterator[None]:
-        for name, action in schema.actions.items():
-            for args in schema.typing.tuples([kind for _, kind in action.parameters]):
+        for name in schema.actions:
+            for args in schema.arguments(name):
                 with contextlib.suppress(ValueError):  # this one contradicts itself
                     step = schema.ground(name, args)
                     if any(not step.precondition.facts.entails(effect.facts) for effect in step.effects):
                         self._steps.append(step)
                 yield
-        self.costs = any(step.cost != 1 for step in self._steps)
+        self.costs = schema.has_costs
         self.conditional = any(effect.condition != ALWAYS for step in self._steps for effect in step.effects)
-        scale = 1 if all(step.cost == int(step.cost) for step in self._steps) else _FRACTION
+        self.scale = scale(step.cost for step in self._steps)
         for number, step in enumerate(self._steps):
-            for text in self._operators(number, step, round(step.cost * scale)):
+            for text in self._operators(number, step):
                 self._written.append((step, text))
             for effect in step.effects:
                 for atom, value in effect.facts.items():
@@ -180,9 +186,9 @@ class GroundedTask(SasTask):
     def step(self, name: str) -> Step:
         return self._steps[int(name[1:])]
 
-    def _operators(self, number: int, step: Step, cost: int) -> Iterator[str]:
+    def _operators(self, number: int, step: Step) -> Iterator[str]:
         """An operator for each way in which the precondition can hold."""
-        effects = list(_effects(step))
+        effects, cost = list(_effects(step)), round(step.cost * self.scale)
         for alternative in alternatives(step.precondition):
             needs = {self.number[atom]: 0 if value else 1 for atom, value in alternative.items()}
             changed = []

@@ -11,16 +11,16 @@ too, and no time is spent on proofs. Static atoms are what :init says, in this a
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executive.domain.pddl import Schema
-from executive.domain.pddl.schema import literals
 from executive.planning.engine import TRANSLATOR, run_program, translator_command
 from executive.planning.pddl_text import FINISH, PddlText
-from executive.planning.sas_task import SasTask
+from executive.planning.sas_task import SasTask, scale
 from executive.types import Atom, Condition, Step
 
 _OPTIONS = ("--invariant-generation-max-candidates", "0", "--keep-unreachable-facts", "--keep-unimportant-variables")
@@ -100,7 +100,7 @@ class TranslatedTask(SasTask):
         # An axiom that no action needs is left out of the file unless something asks for its atom.
         more = [self._text.asker(number, atom) for number, atom in enumerate(sorted(asked))]
         # What no action changes and is looked at all the same may turn out to be otherwise than :init says.
-        changed = {each.predicate for action in self._schema.actions.values() for each in literals(action.effects)}
+        changed = {each.literal.predicate for action in self._schema.actions.values() for each in action.effects}
         looked_at = {atom.predicate for atom in self._schema.task.atoms} - changed
         more += [self._text.maker(predicate) for predicate in sorted(looked_at)]
         sas = run_translator(self._text.domain(FINISH, *more), self._text.problem(start), seconds, (*_OPTIONS, *FILE))
@@ -138,7 +138,6 @@ class TranslatedTask(SasTask):
     def _read(self, sas: str) -> None:
         """Take over what the translator wrote (version 3 of its format)."""
         front, _, tail = sas.partition("\nbegin_state\n")
-        self.costs = "begin_metric\n1\n" in front
         self.variables, self.number, self.highest_layer = [], {}, -1
         derived = set()
         for text in _blocks(front, "variable"):
@@ -154,13 +153,23 @@ class TranslatedTask(SasTask):
         _state, _, tail = tail.partition("\nend_goal\n")
         self.conditional = False
         self._operators, self._needs = [], {}
-        for text in _blocks(tail, "operator"):
-            operator = _Operator.read(text)
-            if self._text.action(operator.name) is not None:
-                self._operators.append(operator)
-                for variables, variable in operator.effects:
-                    self.conditional = self.conditional or bool(variables)
-                    self._needs.setdefault(variable, set()).update(operator.needs, variables)
+        found = [
+            (operator, self._text.action(operator.name)) for operator in map(_Operator.read, _blocks(tail, "operator"))
+        ]
+        costs: list[float] = []
+        for operator, call in found:
+            with contextlib.suppress(ValueError):  # without a value for its cost it can never be carried out
+                if call is not None:
+                    costs.append(self._schema.cost(*call))
+                    self._operators.append(operator)
+                    for variables, variable in operator.effects:
+                        self.conditional = self.conditional or bool(variables)
+                        self._needs.setdefault(variable, set()).update(operator.needs, variables)
+        self.costs = self._schema.has_costs
+        if self.costs:
+            self.scale = scale(costs)
+            pairs = zip(self._operators, costs, strict=True)
+            self._operators = [operator.costing(round(cost * self.scale)) for operator, cost in pairs]
         self._rules = []
         for text in _blocks(tail, "rule"):
             *conditions, head = [int(fact.split()[0]) for fact in text.split("\n")[2:-1]]
@@ -194,6 +203,11 @@ class _Operator:
             effects.append((tuple(map(int, parts[: 2 * int(count) : 2])), int(variable)))
         changes = frozenset(variable for _, variable in effects)
         return cls(lines[1].rstrip(), frozenset(needs), changes, tuple(effects), text)
+
+    def costing(self, cost: int) -> _Operator:
+        """The operator with a cost."""
+        before, _, _ = self.text.removesuffix("\nend_operator").rpartition("\n")
+        return replace(self, text=f"{before}\n{cost}\nend_operator")
 
     def on(self, relevant: set[int]) -> str:
         """The text without what it does to other variables than these."""

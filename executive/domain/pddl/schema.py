@@ -142,6 +142,15 @@ class Schema:
             raise ValueError(f"{shown} can never be carried out")
         return Step(name, tuple(args), precondition, self._effects(action, binding), self._cost(action, binding))
 
+    def cost(self, name: str, args: Sequence[str]) -> float:
+        """What the step `name(args)` costs.
+
+        Raises:
+            ValueError: `:init` does not say.
+        """
+        action = self.actions[name]
+        return self._cost(action, dict(zip((variable for variable, _ in action.parameters), args, strict=True)))
+
     def _effects(self, action: Action, binding: Mapping[str, str]) -> tuple[Effect, ...]:
         deletes: dict[Condition, dict[Atom, bool]] = {}
         adds: dict[Condition, dict[Atom, bool]] = {}
