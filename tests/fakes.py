@@ -25,12 +25,14 @@ from executive.core.settings import Settings
 from executive.errors import InputError, nearest
 from executive.protocols import FaultSource, Preparing, Skill, SkillContext
 from executive.types import (
+    ALWAYS,
     Atom,
     Belief,
     Cause,
     Condition,
     Decision,
     DepthImage,
+    DerivedRules,
     Ended,
     Event,
     Facts,
@@ -127,9 +129,15 @@ class FakePlanner:
     """
 
     def __init__(
-        self, steps: Sequence[Step], answers: Iterable[Plan | NoPlan | Exception | None] = (), most: int = 5000
+        self,
+        steps: Sequence[Step],
+        answers: Iterable[Plan | NoPlan | Exception | None] = (),
+        most: int = 5000,
+        rules: DerivedRules | None = None,
     ) -> None:
         self._steps, self._answers, self._most = tuple(steps), deque(answers), most
+        self._rules = rules or DerivedRules()
+        self._atoms = frozenset(atom for step in steps for atom in self._rules.support(step.atoms))
         self.asked: list[tuple[Facts, Condition]] = []
         self.avoided: list[frozenset[Step]] = []
 
@@ -143,18 +151,32 @@ class FakePlanner:
             raise answer
         return answer or self._search(state, goal, avoid)
 
+    def _known(self, here: frozenset[Atom], about: Iterable[Atom]) -> Mapping[Atom, bool]:
+        return self._rules.complete({atom: atom in here for atom in self._atoms.union(self._rules.support(about))})
+
+    def _holds(self, condition: Condition, here: frozenset[Atom]) -> bool:
+        if not condition.choices and not self._rules:
+            return all((atom in here) is value for atom, value in condition.facts.items())
+        return condition.truth(self._known(here, condition.atoms)) is True
+
+    def _after(self, step: Step, here: frozenset[Atom]) -> frozenset[Atom]:
+        if len(step.effects) == 1 and step.effects[0].condition == ALWAYS:
+            return (here - step.unconditional.false) | step.unconditional.true
+        changes = step.changes(self._known(here, step.atoms))
+        return (here - changes.keys()) | {atom for atom, value in changes.items() if value}
+
     def _search(self, state: Facts, goal: Condition, avoid: frozenset[Step]) -> Plan | NoPlan:
         start = state.true
         reached: dict[frozenset[Atom], tuple[Step, ...]] = {start: ()}
         queue = deque([start])
         while queue:
             here = queue.popleft()
-            if all((atom in here) is value for atom, value in goal.facts.items()):
+            if self._holds(goal, here):
                 steps = reached[here]
                 return Plan(steps, float(len(steps)), "breadth-first", 0.0)
             for step in (step for step in self._steps if step not in avoid):
-                if all((atom in here) is value for atom, value in step.precondition.facts.items()):
-                    there = (here - step.unconditional.false) | step.unconditional.true
+                if self._holds(step.precondition, here):
+                    there = self._after(step, here)
                     if there not in reached:
                         reached[there] = (*reached[here], step)
                         queue.append(there)

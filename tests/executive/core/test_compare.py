@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.core.compare import compare, outlook, progress, reaches, remaining
-from executive.types import Atom, Condition, Facts, Plan, Step
+from executive.types import Atom, Condition, Effect, Facts, Plan, Step
 from tests.fakes import FREE, FakePlanner, at, held, pick, put, steps_of, task
 
 UNIVERSE = [Atom("p", (str(name),)) for name in "abcde"]
@@ -83,6 +85,46 @@ def test_what_remains_of_a_plan_can_be_done_and_reaches_the_goal(some: list[Step
         end = carried_out([some[position] for position in left], state)
         assert end is not None
         assert end.entails(goal)
+
+
+general = st.recursive(
+    small.map(Condition.of),
+    lambda inner: st.lists(inner, min_size=1, max_size=2).flatmap(
+        lambda parts: st.sampled_from([Condition.all_of(parts), Condition.any_of(parts)])
+    ),
+    max_leaves=4,
+)
+formulas = st.lists(
+    st.builds(
+        Step, st.just("do"), st.just(()), general, st.lists(st.builds(Effect, general, small), max_size=2).map(tuple)
+    ),
+    max_size=4,
+)
+
+
+@given(formulas, partial, general)
+def test_what_is_told_of_a_plan_in_a_partial_state_holds_of_all_that_it_may_be(
+    some: list[Step], state: Facts, goal: Condition
+) -> None:
+    told = reaches(some, state, goal)
+    expected = state
+    for step in some:
+        expected = progress(expected, step)
+    for values in product((False, True), repeat=len(UNIVERSE)):
+        whole = Facts(dict(zip(UNIVERSE, values, strict=True))) | state
+        end = carried_out(some, whole)
+        reached = end is not None and goal.truth(end) is True
+        assert reached or not told
+        assert reaches(some, whole, goal) == reached
+        assert end is None or end.entails(expected), "nothing is expected that may come out otherwise"
+
+
+@given(formulas, complete, general, partial)
+def test_what_a_plan_hangs_on_is_enough_to_know(some: list[Step], state: Facts, goal: Condition, seen: Facts) -> None:
+    view = outlook(pick("a", "p"), some, state, goal, surprised=True, seen=state.only(seen))
+    if view.rest is not None:
+        left = [some[position] for position in view.rest]
+        assert reaches(left, state.only({*view.needed, *seen}), goal)
 
 
 @given(places, places)
