@@ -1,4 +1,4 @@
-"""What a look costs: the shipped eye loaded, the cameras drawn, all questions of a domain answered.
+"""What a look costs: the shipped model loaded, the cameras drawn, all questions of a domain answered.
 
     python -m benchmarks.look
     python -m benchmarks.look --busy 3      # beside three processes that compute all the time
@@ -118,7 +118,7 @@ def _load(domain: str, vlm: str) -> tuple[float, float]:
 
 def _looks(name: str, vlm: str | None, count: int) -> dict[str, float]:
     with _opened(name, vlm) as (ask, world):
-        # Always other pictures, if only by their noise: nothing that an eye keeps of a picture is to help it.
+        # Always other pictures, if only by their noise: nothing that an estimator keeps of a picture is to help it.
         others = iter([world.observe() for _ in range(count)])
         first = world.observe()
         return {
@@ -137,11 +137,11 @@ def _opened(name: str, vlm: str | None) -> Iterator[tuple[Callable[[Observation]
     from executive.sim.world import MujocoWorld
 
     domain = load_domain(name)
-    eye = open_estimator(EstimatorConfig(vlm=vlm), domain.subject)
+    estimator = open_estimator(EstimatorConfig(vlm=vlm), domain.subject)
     world = MujocoWorld(domain.scene, domain.task.objects)
     try:
-        eye.estimate(world.observe(), domain.task.atoms)
-        yield lambda seen: eye.estimate(seen, domain.task.atoms), world
+        estimator.estimate(world.observe(), domain.task.atoms)
+        yield lambda seen: estimator.estimate(seen, domain.task.atoms), world
     finally:
         world.close()
 

@@ -1,12 +1,12 @@
 """What a monitor is worth: on looks whose truth is known, and in the closed loop.
 
     python -m benchmarks.monitor                # made-up looks, the symbolic world, the simulator with its oracle
-    python -m benchmarks.monitor --data home    # with the shipped eye, too, and what becomes of it on bad pictures
+    python -m benchmarks.monitor --data home    # with the shipped model, too, and what becomes of it on bad pictures
     python -m benchmarks.monitor --data home --only looks --only symbolic       # without the long part
 
 `home` is a collection: `executive collect grocery --points 2000 --seed 9001 --out home` makes it. Half of its episodes
-say how far an eye can be trusted, the others are judged. Bad pictures are blurred, noisy or dark, each as much as it
-takes for the eye to be right about the whole state in half of the looks. The settings build on each other: the plain
+say how far an estimator can be trusted, the others are judged. Bad pictures are blurred, noisy or dark, each as much as
+it takes to be right about the whole state in half of the looks. The settings build on each other: the plain
 threshold of the paper; consistency by mutex groups; memory; looking again. In the closed loop all configurations meet
 the same faults. What is found is kept in a folder (`--out`): the same command goes on where it was left.
 
@@ -56,10 +56,10 @@ class StoppedError(Exception):
 
 
 class Looks:
-    """The part about looks, and the eyes that it finds for the closed loop."""
+    """The part about looks, and the estimators that it finds for the closed loop."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
-        self.eyes: list[configurations.Looking] = []
+        self.estimators: list[configurations.Looking] = []
         self.lines: list[looks.Line] = []
         self.covered: list[looks.Coverage] = []
         self.asked: list[spoiling.Asked] = []
@@ -75,11 +75,11 @@ class Looks:
             taken = recorded(domain, evaluation, arguments.data)
             if not spoiled:
                 self._oracles(domain, network, ActionModel(counts), taken[1::2])
-                self.eyes.append(configurations.Looking(configurations.SHIPPED, "vlm"))
+                self.estimators.append(configurations.Looking(configurations.SHIPPED, "vlm"))
             trust = looks.trusted(network, taken[::2])
             if spoiled:
-                self.eyes.append(configurations.spoiled(spoiled, trust, trusts))
-            name = self.eyes[-1].name
+                self.estimators.append(configurations.spoiled(spoiled, trust, trusts))
+            name = self.estimators[-1].name
             for setting, monitor in looks.settings(domain, network, trust.sensor_model, ActionModel(counts)):
                 self.lines.append(looks.Line(name, setting, looks.judged(monitor, taken[1::2]), None))
             self.covered += looks.coverage(name, network, taken)
@@ -87,16 +87,16 @@ class Looks:
     def _made_up(self, domain: Domain, network: MutexNetwork, number: int) -> None:
         taken = courses(domain, number, 20, 0)
         self._oracles(domain, network, ActionModel(), taken)
-        name = "graded, often muddled"
-        eye = looks.trusted(network, courses(domain, 200, 20, 1), graded(0)).sensor_model
-        self._line(domain, network, ActionModel(), taken, name, eye, graded(2))
+        name = "graded, often unclear"
+        sensor = looks.trusted(network, courses(domain, 200, 20, 1), graded(0)).sensor_model
+        self._line(domain, network, ActionModel(), taken, name, sensor, graded(2))
         self.covered += looks.coverage(name, network, courses(domain, 300, 20, 3), graded(4))
 
     def _oracles(self, domain: Domain, network: MutexNetwork, actions: ActionModel, taken: Sequence[RunState]) -> None:
         for flips in (0.0, *configurations.FLIPS):
             name = configurations.flipped(flips) if flips else configurations.ORACLE
-            eye = SensorModel(other=ErrorModel(flips, flips), correlation_within=0.0) if flips else EXACT
-            self._line(domain, network, actions, taken, name, eye, flipping(flips, 0))
+            sensor = SensorModel(other=ErrorModel(flips, flips), correlation_within=0.0) if flips else EXACT
+            self._line(domain, network, actions, taken, name, sensor, flipping(flips, 0))
 
     def _line(
         self,
@@ -105,10 +105,10 @@ class Looks:
         actions: ActionModel,
         taken: Sequence[RunState],
         name: str,
-        eye: SensorModel,
+        sensor: SensorModel,
         ask: Ask,
     ) -> None:
-        for setting, monitor in looks.settings(domain, network, eye, actions):
+        for setting, monitor in looks.settings(domain, network, sensor, actions):
             once, again = (looks.judged(monitor, taken, ask, most) for most in (1, looks.MOST_LOOKS))
             self.lines.append(looks.Line(name, setting, once, again))
 
@@ -124,7 +124,7 @@ class Looks:
             looks.told_coverage(self.covered),
         ]
         lines = [
-            {"eye": line.eye, "setting": line.setting, "once": line.once._asdict(),
+            {"estimator": line.estimator, "setting": line.setting, "once": line.once._asdict(),
              "again": line.again._asdict() if line.again else None}
             for line in self.lines
         ]  # fmt: skip
@@ -148,21 +148,21 @@ def parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Part]]:
         StoppedError: somebody pressed Ctrl-C.
     """
     only = arguments.only or PARTS
-    eyes = configurations.oracles(arguments.out / "trust")
+    estimators = configurations.oracles(arguments.out / "trust")
     if "looks" in only or (arguments.data is not None and "simulator" in only):
         found = Looks(arguments)
-        eyes_there = [*eyes, *found.eyes]
+        estimators_there = [*estimators, *found.estimators]
         if "looks" in only:
             yield "looks", found.part()
     else:
-        eyes_there = eyes
+        estimators_there = estimators
     if "symbolic" in only:
         places = configurations.grocery([None])
-        campaign = configurations.campaign("symbolic", places, eyes, arguments.symbolic_seeds)
+        campaign = configurations.campaign("symbolic", places, estimators, arguments.symbolic_seeds)
         yield "symbolic", _loop("symbolic", campaign, arguments)
     if "simulator" in only:
         places = configurations.grocery(arguments.problem or ["breakfast"])
-        campaign = configurations.campaign("mujoco", places, eyes_there, arguments.seeds, arguments.fault)
+        campaign = configurations.campaign("mujoco", places, estimators_there, arguments.seeds, arguments.fault)
         yield "simulator", _loop("simulator", campaign, arguments)
 
 
@@ -227,7 +227,7 @@ def main() -> int:
         return 0
     print(f"== to be reached\n{figures.told(targets)}")
     if arguments.data is None:
-        print("the eye that comes along takes part with --data")
+        print("the shipped model takes part with --data")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Who meets the same faults in the closed loop: eyes of known and unknown quality, each with monitors that build on
+"""What meets the same faults in the closed loop: estimators of known and unknown quality, with monitors that build on
 each other. Every episode is a run that `executive run` would repeat, by the command in its row."""
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from executive.lab.campaign.design import Campaign, Configuration, Place
 FLIPS = (0.02, 0.05, 0.1)
 PLAIN, CONSISTENT, REMEMBERING, FULL = "plain threshold", "+ consistency", "+ memory", "+ looking again"
 SETTINGS = (PLAIN, CONSISTENT, REMEMBERING, FULL)
-ORACLE, SHIPPED = "oracle", "shipped eye"
+ORACLE, SHIPPED = "oracle", "shipped model"
 FAULTS = {
     "mujoco": ("drop:p=0.15", "miss:p=0.1", "shove:p=0.05"),
     "symbolic": ("no-effect:p=0.25", "exogenous:p=0.05"),
@@ -40,7 +40,7 @@ _JUDGES = {
 
 
 class Looking(NamedTuple):
-    """An eye: by its name, how it comes to err, and the file that says how far it can be trusted (None: as far as what
+    """An estimator: by its name, how it comes to err, and the file with its sensor model (None: as far as what
     it is made of says)."""
 
     name: str
@@ -66,23 +66,23 @@ def oracles(folder: Path) -> list[Looking]:
 
 
 def spoiled(way: str, known: SensorFit, folder: Path) -> Looking:
-    """The shipped eye whose pictures are spoiled, such as blurred=5, with what was learned of it."""
+    """The shipped model whose pictures are spoiled, such as blurred=5, with what was learned of it."""
     draft = sensor_fit.save(folder / "draft.json", "grocery", known)
     file = folder / f"{way}-{zlib.crc32(draft.read_bytes()):08x}.json"  # another trust is another configuration
     draft.replace(file)
     how, _, amount = way.partition("=")
-    return Looking(f"eye, {how} {amount}", "vlm", (f"camera:{how},amount={amount}@0-",), file)
+    return Looking(f"model, {how} {amount}", "vlm", (f"camera:{how},amount={amount}@0-",), file)
 
 
 def campaign(
-    world: str, places: Sequence[Place], eyes: Sequence[Looking], seeds: int, faults: Sequence[str] | None = None
+    world: str, places: Sequence[Place], estimators: Sequence[Looking], seeds: int, faults: Sequence[str] | None = None
 ) -> Campaign:
-    """All eyes with all settings in one of the worlds, with its `FAULTS` where none are given."""
+    """All estimators with all settings in one of the worlds, with its `FAULTS` where none are given."""
     return Campaign(
         title="What a monitor is worth",
         seeds=tuple(range(seeds)),
         places=tuple(places),
-        configurations=tuple(_configuration(eye, setting) for eye in eyes for setting in SETTINGS),
+        configurations=tuple(_configuration(estimator, setting) for estimator in estimators for setting in SETTINGS),
         faults=MappingProxyType({"faults": tuple(faults or FAULTS[world])}),
         options=MappingProxyType({"max_actions": 60, "world": world}),
     )
@@ -101,21 +101,21 @@ def grocery(problems: Sequence[str | None]) -> list[Place]:
     ]
 
 
-def _configuration(eye: Looking, setting: str) -> Configuration:
+def _configuration(estimator: Looking, setting: str) -> Configuration:
     judge, model = _JUDGES[setting], ""
-    if eye.trust is not None and setting != PLAIN:
-        judge = replace(judge, trust=eye.trust)
-    if eye.kind == "vlm":
+    if estimator.trust is not None and setting != PLAIN:
+        judge = replace(judge, trust=estimator.trust)
+    if estimator.kind == "vlm":
         from executive.app.estimators import shipped
 
         model = model_digest(Path(str(shipped("grocery"))))
     return Configuration(
-        eye.name,
+        estimator.name,
         setting,
-        eye.kind,
-        EstimatorConfig() if eye.kind == "vlm" else None,
+        estimator.kind,
+        EstimatorConfig() if estimator.kind == "vlm" else None,
         judge,
         model,
         {} if setting == FULL else {"max_looks_again": 0},
-        eye.faults,
+        estimator.faults,
     )

@@ -1,4 +1,4 @@
-"""Courses of actions with looks in between: made up, or those of a collection; and eyes of known quality.
+"""Courses of actions with looks in between: made up, or those of a collection; and estimators of known quality.
 
 Made up are random courses, of which one action in ten fails and after each of which someone may move an item.
 """
@@ -19,7 +19,7 @@ from executive.types import Atom, Facts, SkillResult, SkillStatus, Step
 
 Answers = Mapping[Atom, float]
 Ask = Callable[[Facts], Answers]
-"""An eye: what it says of a state."""
+"""An estimator: what it says of a state."""
 
 
 class Moment(NamedTuple):
@@ -76,7 +76,7 @@ def flipping(flips: float, seed: int) -> Ask:
 
 
 def graded(seed: int, clear: float = 3.4, spread: float = 1.1) -> Ask:
-    """Probabilities of an eye that sees some moments better than others, and says so as a rule."""
+    """Probabilities of an estimator that sees some moments better than others, and says so as a rule."""
     rng = np.random.default_rng(seed)
 
     def ask(facts: Facts) -> Answers:

@@ -40,7 +40,7 @@ HEADS = (
 WIDTHS = (9, 8, 7, 8, 8, 9, 8, 8, 13, 15, 8)
 
 Who = tuple[str, str]
-"""An eye and a setting."""
+"""An estimator and a setting."""
 
 
 class Target(NamedTuple):
@@ -79,7 +79,7 @@ def score(rows: Sequence[Row]) -> Score:
 
 
 def scores(rows: Sequence[Row]) -> dict[Who, Score]:
-    """By eye and setting, in the order of their first episodes; those that failed to be played are left out."""
+    """By estimator and setting, in the order of their first episodes; those that failed to be played are left out."""
     groups: dict[Who, list[Row]] = {}
     for row in rows:
         if row.outcome != FAILED:
@@ -88,9 +88,9 @@ def scores(rows: Sequence[Row]) -> dict[Who, Score]:
 
 
 def table(found: Mapping[Who, Score]) -> str:
-    """A line for each eye and setting."""
-    lines = [f"{'eye':<24}{'setting':<18}" + "".join(f"{h:>{w}}" for h, w in zip(HEADS, WIDTHS, strict=True))]
-    for (eye, setting), each in found.items():
+    """A line for each estimator and setting."""
+    lines = [f"{'estimator':<24}{'setting':<18}" + "".join(f"{h:>{w}}" for h, w in zip(HEADS, WIDTHS, strict=True))]
+    for (estimator, setting), each in found.items():
         told = (
             f"{each.episodes}",
             *map(_share, (each.success, each.false_success, each.missed, each.alarms)),
@@ -100,7 +100,7 @@ def table(found: Mapping[Who, Score]) -> str:
             f"{each.questions:.1f}",
             "-" if each.delay is None else f"{each.delay:.2f}",
         )
-        lines.append(f"{eye:<24}{setting:<18}" + "".join(f"{t:>{w}}" for t, w in zip(told, WIDTHS, strict=True)))
+        lines.append(f"{estimator:<24}{setting:<18}" + "".join(f"{t:>{w}}" for t, w in zip(told, WIDTHS, strict=True)))
     return "\n".join(lines)
 
 
@@ -115,29 +115,33 @@ def of_loop(world: str, found: Mapping[Who, Score]) -> list[Target]:
         targets.append(Target(f"{world}: success, {noisy}", "within 3 points of the oracle", figure, reached))
         figure = f"{full.needless:.2f}, plain {plain.needless:.2f}"
         targets.append(Target(f"{world}: needless replans, {noisy}", "at most 0.3", figure, full.needless <= 0.3))
-    for eye in dict.fromkeys(eye for eye, _ in found):
-        full, plain = found.get((eye, FULL)), found.get((eye, PLAIN))
+    for estimator in dict.fromkeys(estimator for estimator, _ in found):
+        full, plain = found.get((estimator, FULL)), found.get((estimator, PLAIN))
         if full and plain:
             figure = f"{_share(full.false_success)}, plain {_share(plain.false_success)}"
-            targets.append(Target(f"{world}: false success, {eye}", "at most 1 %", figure, full.false_success <= 0.01))
+            targets.append(
+                Target(f"{world}: false success, {estimator}", "at most 1 %", figure, full.false_success <= 0.01)
+            )
     return targets
 
 
 def of_looks(lines: Sequence[Line], covered: Sequence[Coverage]) -> list[Target]:
     """What it asks of looks."""
     targets = []
-    for eye in dict.fromkeys(line.eye for line in lines if line.eye.startswith("eye, ")):
-        state = {line.setting: line.once.state for line in lines if line.eye == eye}
+    for estimator in dict.fromkeys(line.estimator for line in lines if line.estimator.startswith("model, ")):
+        state = {line.setting: line.once.state for line in lines if line.estimator == estimator}
         plain, best = state[PLAIN], state["+ memory"]
         figure = f"{_share(plain)} to {_share(best)}"
-        targets.append(Target(f"whole state, {eye}", "up by 20 points", figure, best - plain >= 0.2))
-    for eye in dict.fromkeys(each.eye for each in covered):
-        worst = max((each for each in covered if each.eye == eye), key=lambda each: abs(each.measured - each.asked))
+        targets.append(Target(f"whole state, {estimator}", "up by 20 points", figure, best - plain >= 0.2))
+    for estimator in dict.fromkeys(each.estimator for each in covered):
+        worst = max(
+            (each for each in covered if each.estimator == estimator), key=lambda each: abs(each.measured - each.asked)
+        )
         figure = (
             f"{_share(worst.measured)} of {worst.predicate} where {worst.asked:.0%} was asked, and nearer elsewhere"
         )
         near = abs(worst.measured - worst.asked) <= 0.02
-        targets.append(Target(f"conformal coverage, {eye}", "within 2 points", figure, near))
+        targets.append(Target(f"conformal coverage, {estimator}", "within 2 points", figure, near))
     return targets
 
 
@@ -152,7 +156,9 @@ def told(targets: Sequence[Target]) -> str:
 
 def document(found: Mapping[Who, Score]) -> list[dict[str, Any]]:
     """The scores as JSON."""
-    return [{"eye": eye, "setting": setting, **asdict(each)} for (eye, setting), each in found.items()]
+    return [
+        {"estimator": estimator, "setting": setting, **asdict(each)} for (estimator, setting), each in found.items()
+    ]
 
 
 def _share(value: float | None) -> str:

@@ -30,10 +30,10 @@ class Figures(NamedTuple):
 
 
 class Line(NamedTuple):
-    """One eye with one setting: with one look at each moment, and with as many as `MOST_LOOKS` as long as something is
+    """An estimator with a setting: with one look at each moment, and with as many as `MOST_LOOKS` while something is
     unknown (None where there is but one)."""
 
-    eye: str
+    estimator: str
     setting: str
     once: Figures
     again: Figures | None
@@ -42,14 +42,14 @@ class Line(NamedTuple):
 class Coverage(NamedTuple):
     """The share of looks in which the truth of each atom of a predicate is in its conformal set: asked and measured."""
 
-    eye: str
+    estimator: str
     predicate: str
     asked: float
     measured: float
 
 
 def judged(monitor: Monitor, taken: Sequence[RunState], ask: Ask | None = None, most_looks: int = 1) -> Figures:
-    """How the monitor does on some courses; without an eye, on their recorded answers."""
+    """How the monitor does on some courses; without an estimator, on their recorded answers."""
     right = wrong = unknown = looks = moments = 0
     for run_state in taken:
         memory = monitor.begin()
@@ -70,15 +70,15 @@ def judged(monitor: Monitor, taken: Sequence[RunState], ask: Ask | None = None, 
 
 
 def settings(
-    domain: Domain, network: MutexNetwork, eye: SensorModel, actions: ActionModel
+    domain: Domain, network: MutexNetwork, sensor: SensorModel, actions: ActionModel
 ) -> Iterator[tuple[str, Monitor]]:
     yield "plain threshold", ThresholdMonitor(domain.task.atoms)
-    yield "+ consistency", BayesMonitor(network, eye, actions=None)
-    yield "+ memory", BayesMonitor(network, eye, actions)
+    yield "+ consistency", BayesMonitor(network, sensor, actions=None)
+    yield "+ memory", BayesMonitor(network, sensor, actions)
 
 
 def trusted(network: MutexNetwork, taken: Sequence[RunState], ask: Ask | None = None) -> SensorFit:
-    """How far an eye can be trusted, by what it says of some courses."""
+    """How far an estimator can be trusted, by what it says of some courses."""
     return fit([look for run_state in taken for look in _labelled(run_state, ask)], network)
 
 
@@ -86,8 +86,8 @@ def coverage(name: str, network: MutexNetwork, taken: Sequence[RunState], ask: A
     """Measured as a run without memory judges looks. What the answers are worth is learned from every third course; the
     others calibrate and are judged, in `SPLITS` random halves: courses are as good as exchangeable, looks of one are
     not, and a single split would say more about chance than about the method."""
-    eye = trusted(network, taken[::3], ask).sensor_model
-    monitor = BayesMonitor(network, eye, actions=None)
+    sensor = trusted(network, taken[::3], ask).sensor_model
+    monitor = BayesMonitor(network, sensor, actions=None)
     scored = []
     for number, run_state in enumerate(taken):
         if number % 3:
@@ -115,22 +115,24 @@ def coverage(name: str, network: MutexNetwork, taken: Sequence[RunState], ask: A
 
 
 def head() -> str:
-    title = f"{'eye':<24}{'setting':<18}{'state':>8}{'wrong':>8}{'unknown':>9}"
+    title = f"{'estimator':<24}{'setting':<18}{'state':>8}{'wrong':>8}{'unknown':>9}"
     return f"{title}   {f'{MOST_LOOKS} looks: state':>16}{'wrong':>8}{'looks':>7}"
 
 
 def told(line: Line) -> str:
     once, again = line.once, line.again
-    text = f"{line.eye:<24}{line.setting:<18}{once.state:>8.1%}{once.wrong:>8.1%}{once.unknown:>9.1%}"
+    text = f"{line.estimator:<24}{line.setting:<18}{once.state:>8.1%}{once.wrong:>8.1%}{once.unknown:>9.1%}"
     return text if again is None else f"{text}   {again.state:>16.1%}{again.wrong:>8.1%}{again.looks:>7.2f}"
 
 
 def told_coverage(found: Sequence[Coverage]) -> str:
     names = sorted({each.predicate for each in found})
-    lines = [f"{'eye':<24}{'asked':>8}" + "".join(f"{name:>24}" for name in names)]
-    table = {(each.eye, each.asked, each.predicate): each.measured for each in found}
-    for eye, asked in dict.fromkeys((each.eye, each.asked) for each in found):
-        lines.append(f"{eye:<24}{asked:>8.0%}" + "".join(f"{table[eye, asked, name]:>24.1%}" for name in names))
+    lines = [f"{'estimator':<24}{'asked':>8}" + "".join(f"{name:>24}" for name in names)]
+    table = {(each.estimator, each.asked, each.predicate): each.measured for each in found}
+    for estimator, asked in dict.fromkeys((each.estimator, each.asked) for each in found):
+        lines.append(
+            f"{estimator:<24}{asked:>8.0%}" + "".join(f"{table[estimator, asked, name]:>24.1%}" for name in names)
+        )
     return "\n".join(lines)
 
 

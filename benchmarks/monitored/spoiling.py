@@ -1,4 +1,4 @@
-"""The shipped eye on the looks of a collection: as they are, and with pictures made bad until it is right about the
+"""The shipped model on the looks of a collection: as they are, and with pictures made bad until it is right about the
 whole state in half of them. What was answered is kept, and not asked again."""
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _LARGEST = {"blurred": 24.0}
 
 
 class Asked(NamedTuple):
-    """What the eye said of a collection. `spoiled` is how its pictures were: such as blurred=5, or nothing at all."""
+    """What the model said of a collection. `spoiled` is how its pictures were: such as blurred=5, or nothing at all."""
 
     spoiled: str
     evaluation: Evaluation
@@ -50,7 +50,7 @@ def shipped() -> str:
 
 
 def asked(data: Path, looks: int | None, out: Path, jobs: int) -> list[Asked]:
-    """The eye on the first so many `looks` of a collection (all if None), as they are and spoiled in each way.
+    """The estimator on the first so many `looks` of a collection (all if None), as they are and spoiled in each way.
 
     Raises:
         InputError: the collection is none, or of another problem.

@@ -1,6 +1,6 @@
 """How the time of a look and of a plan anew grows with the number of items: 6, 12, 24, 48, on three tables.
 
-The shipped eye is asked as many questions as a problem of so many items has atoms, about pictures as large as they
+The shipped model is asked as many questions as a problem of so many items has atoms, about pictures as large as they
 always are: its own questions, over and over. The planner gets problems with items of made-up names.
 """
 
@@ -49,14 +49,14 @@ def measure(everything: bool) -> list[Row]:
 def _look(count: int, rounds: int) -> float:
     """Seconds for `count` questions about five pictures, taking them in included."""
     domain = load_domain("grocery")
-    eye = open_estimator(EstimatorConfig(), domain.subject)
+    estimator = open_estimator(EstimatorConfig(), domain.subject)
     rng = np.random.default_rng(0)
     images = [rng.integers(0, 255, (384, 384, 3), dtype=np.uint8) for _ in range(5)]
-    own = [eye.questions.text[atom] for atom in domain.task.atoms]
+    own = [estimator.questions.text[atom] for atom in domain.task.atoms]
     questions = [own[index % len(own)] for index in range(count)]
 
     def look() -> None:
-        eye.backend.look(images, eye.questions.system).ask(questions)
+        estimator.backend.look(images, estimator.questions.system).ask(questions)
 
     look()
     return _median(look, rounds)

@@ -1,4 +1,4 @@
-"""A whole look by the shipped eye, pictures and all questions, against one question at a time."""
+"""A whole look by the shipped model, pictures and all questions, against one question at a time."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ def measure(everything: bool) -> list[Row]:
     from executive.sim.world import MujocoWorld
 
     domain = load_domain("grocery")
-    eye, atoms = open_estimator(EstimatorConfig(), domain.subject), domain.task.atoms
+    estimator, atoms = open_estimator(EstimatorConfig(), domain.subject), domain.task.atoms
     world = MujocoWorld(domain.scene, domain.task.objects)
     seen = world.observe()
-    eye.estimate(seen, atoms)
+    estimator.estimate(seen, atoms)
 
     def one_by_one(number: int) -> None:
         for index, atom in enumerate(atoms):
-            # Other noise each time, or the eye would know the pictures again.
-            eye.estimate(_noisy(seen, [number, index]), [atom])
+            # Other noise each time, or the estimator would know the pictures again.
+            estimator.estimate(_noisy(seen, [number, index]), [atom])
 
     ours, theirs = [], []
     for number in range(10 if everything else 4):
-        ours.append(_wall(lambda: eye.estimate(world.observe(), atoms)))
+        ours.append(_wall(lambda: estimator.estimate(world.observe(), atoms)))
         theirs.append(_wall(lambda number=number: one_by_one(number)))  # type: ignore[misc]
     world.close()
     mine, ratio = statistics.median(ours), statistics.median(b / a for a, b in zip(ours, theirs, strict=True))

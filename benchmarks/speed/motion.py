@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from benchmarks.speed.collision import FullModel
-from benchmarks.speed.planners import Contender, Found
+from benchmarks.speed.planners import Alternative, Found
 from benchmarks.speed.queries import Query, read, stage
 from benchmarks.speed.table import Row
 from executive.skills.arm import Arm, arm_of
@@ -23,11 +23,11 @@ def measure(everything: bool) -> list[Row]:
     world = stage()
     arm, full = arm_of(world.handle), FullModel(world)
     limits, space = world.handle.limits, arm.collision
-    baseline = Contender("RRT*", limits, full.free)
+    baseline = Alternative("RRT*", limits, full.free)
     beside = {
-        "RRT*, compiled check": Contender("RRT*", limits, space.free, space.edge_free),
-        "AORRTC, compiled check": Contender("AORRTC", limits, space.free, space.edge_free),
-        "RRTConnect, simplified": Contender("RRTConnect", limits, space.free, space.edge_free, simplified=True),
+        "RRT*, compiled check": Alternative("RRT*", limits, space.free, space.edge_free),
+        "AORRTC, compiled check": Alternative("AORRTC", limits, space.free, space.edge_free),
+        "RRTConnect, simplified": Alternative("RRTConnect", limits, space.free, space.edge_free, simplified=True),
     }
     ours: list[Found] = []
     theirs: list[Found] = []
@@ -36,8 +36,8 @@ def measure(everything: bool) -> list[Row]:
     for number, query in enumerate(queries):
         query.set_up(arm)
         ours.append(_planned(arm, query, number))
-        for name, contender in beside.items():
-            others[name].append(contender.solve(query.start, query.goal, number, BUDGET))
+        for name, alternative in beside.items():
+            others[name].append(alternative.solve(query.start, query.goal, number, BUDGET))
         if number not in some:
             continue
         full.update(query.items, query.fingers, query.held)

@@ -33,7 +33,7 @@ class Found:
     first: float
 
 
-class Contender:
+class Alternative:
     """One of OMPL's planners as it comes, over all of the joints' ranges.
 
     Args:

@@ -36,14 +36,14 @@ main()
 """A run that ends where the arm is about to move; with what each function took until then, if it is profiled."""
 
 _STAGES = {
-    "stage the world": "_stage",
-    "load the eye": "open_eye",
+    "stage the world": "_simulator",
+    "load the model": "open_estimator",
     "find mutex groups": "find_mutexes",
     "take the pictures": "observe",
     "answer the questions": "estimate",
     "plan": "plan",
     "set up the arm": "arm_of",
-    "write the viewer's recording": "add_sink",
+    "write the viewer's recording": "set_sinks",
     "import modules": "_load_unlocked",
 }
 """What it goes for -> the function whose time that is."""

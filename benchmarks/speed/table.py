@@ -1,4 +1,4 @@
-"""What a row of the table says, how two contenders are timed side by side, and on what machine."""
+"""What a row of the table says, how two programs are timed side by side, and on what machine."""
 
 from __future__ import annotations
 

@@ -27,15 +27,15 @@ from executive.planning.mutex_groups import find_mutexes
 
 @pytest.fixture(scope="module")
 def episodes(tmp_path_factory: pytest.TempPathFactory) -> list[Episode]:
-    eyes = configurations.oracles(tmp_path_factory.mktemp("trust"))
-    return list(configurations.campaign("symbolic", configurations.grocery([None]), eyes, 2).episodes())
+    estimators = configurations.oracles(tmp_path_factory.mktemp("trust"))
+    return list(configurations.campaign("symbolic", configurations.grocery([None]), estimators, 2).episodes())
 
 
-def of(episodes: list[Episode], eye: str, *settings: str) -> list[Row]:
+def of(episodes: list[Episode], estimator: str, *settings: str) -> list[Row]:
     return [
         Simulated()(episode)
         for episode in episodes
-        if episode.configuration.estimator == eye and episode.configuration.monitor in (settings or SETTINGS)
+        if episode.configuration.estimator == estimator and episode.configuration.monitor in (settings or SETTINGS)
     ]
 
 
@@ -58,7 +58,7 @@ def test_answers_that_are_turned_around_alarm_the_plain_threshold_and_the_same_s
     alarms = figures.score(plain).alarms
     assert alarms is not None
     assert alarms > 0.2
-    # They belong to the eye, and are nothing that it could notice.
+    # They belong to the estimator, and are nothing that it could notice.
     assert not any(strike.kind == "estimator" for row in plain for strike in row.strikes)
 
 
@@ -123,9 +123,9 @@ def test_each_part_of_a_monitor_makes_more_of_the_same_looks() -> None:
         looks.judged(each, taken, flipping(0.0, 0)) for _, each in looks.settings(domain, network, EXACT, ActionModel())
     ]
     assert [each.state for each in exact] == [1.0] * 3
-    eye = looks.trusted(network, courses(domain, 30, 20, 1), graded(0)).sensor_model
+    sensor = looks.trusted(network, courses(domain, 30, 20, 1), graded(0)).sensor_model
     states = [
-        looks.judged(each, taken, graded(2)).state for _, each in looks.settings(domain, network, eye, ActionModel())
+        looks.judged(each, taken, graded(2)).state for _, each in looks.settings(domain, network, sensor, ActionModel())
     ]
     assert states == sorted(states)
     assert states[2] - states[0] > 0.2
