@@ -74,7 +74,7 @@ def main() -> None:
                 f"repeated {trial.repeated}; {told}{'' if trial.is_right else '   WRONG'}",
                 flush=True,
             )
-    print(f"{right} of {arguments.kills} came to the right end; {time.perf_counter() - began:.0f} s")
+    print(f"{right} of {arguments.kills} ended right; {time.perf_counter() - began:.0f} s")
     sys.exit(right != arguments.kills)
 
 

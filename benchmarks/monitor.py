@@ -11,7 +11,7 @@ threshold of the paper; consistency by mutex groups; memory; looking again. In t
 the same faults. What is found is kept in a folder (`--out`): the same command goes on where it was left.
 
 - `state`: looks after which the whole state that would be planned from is right; `wrong`, `unknown`: looks after which
-  something that is told is wrong, or something is not told; `looks`: how many at a moment, as long as it is unknown.
+  something decided is wrong, or something is unknown; `looks`: how many at a moment, while something is unknown.
 - coverage: looks in which the truth of every atom of a predicate is in its conformal set, for the share that is asked.
 - `success`: the goal holds in truth and the run says so; `false`: it says so and it does not hold.
 - `missed`: of the actions after which not all is as expected, the share in whose cycle nothing of that is noticed;

@@ -175,7 +175,7 @@ def ready(tell: Callable[[str], None] = lambda what: None) -> None:
     """Have everything here compiled and kept, so that no action waits for it: once, after an installation.
 
     Args:
-        tell: is told what is waited for, where there is something to compile.
+        tell: receives what is waited for, where there is something to compile.
     """
     with event.install_listener("numba:compile", _Compiling(tell)):
         _call_everything()

@@ -2,8 +2,8 @@
 finds. The only importer of ompl.
 
 Alone, RRT* takes seconds for a first path through a narrow place, and RRT-Connect's are far from short. RRT* takes its
-samples of the goal from whom it is told to: it is given the points of the first path, one after the other, and so has
-that path in its tree after as many iterations; from then on it samples only where a shorter one may lead.
+samples of the goal from a sampler of ours: it gives the points of the first path, one after the other, and so has that
+path in the tree after as many iterations; from then on it samples only where a shorter one may lead.
 
 Limits are iterations, never seconds, so that a seed repeats a motion on any machine.
 """

@@ -30,7 +30,7 @@ TRIES, TRIED = 8, 200
 """How many amounts are tried, on how many looks each."""
 
 _LARGEST = {"blurred": 24.0}
-"""Where the search begins: with this much, or all there can be, nobody sees anything."""
+"""Where the search begins: with this much, or all there can be, no answer is right."""
 
 
 class Asked(NamedTuple):

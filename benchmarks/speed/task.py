@@ -18,7 +18,7 @@ def measure(everything: bool) -> list[Row]:
     with tempfile.TemporaryDirectory() as scratch:
         done = run(RunConfig("grocery", seed=3, faults=("drop@4",), runs=Path(scratch), name="task"))
     if done["outcome"] != "goal-reached":
-        raise RuntimeError(f"the run that is timed came to {done['outcome']}")
+        raise RuntimeError(f"the run that is timed ended as {done['outcome']}")
     spent, simulated = done["wall_seconds"], done["sim_seconds"]
     wall, rest = spent["total"], spent["other"] / spent["total"]
     parts = ", ".join(f"{name} {spent[name]:.1f}" for name in STAGES)

@@ -116,7 +116,7 @@ def _parameter(name: str, annotation: Any, default: Any = inspect.Parameter.empt
 
 
 def _parameters(declared: Declared, required: bool) -> Iterator[inspect.Parameter]:
-    """Yield what typer is told of an option."""
+    """Yield the parameters that typer makes an argument or options of."""
     option, kind, default = declared.option, declared.kind, declared.default
     told: dict[str, Any] = {"help": option.help, "autocompletion": _OFFERED.get(declared.name, _offers(option))}
     if not declared.flag:

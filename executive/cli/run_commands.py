@@ -91,7 +91,7 @@ def resume(
 
 
 def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
-    """Execute a run, tell what it came to, and return the exit code."""
+    """Execute a run, print its result, and return the exit code."""
     from executive.faults import parse_fault
     from executive.trace.report.summary import print_summary
 
@@ -111,7 +111,7 @@ def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
             print(json.dumps(summary, indent=2), flush=True)
         stream.flush()
     except OSError as error:  # how the run ended does not hang on whether that can be printed
-        unprinted = f"what it came to could not be printed ({reason(error)}), and is in {prepared.folder}"
+        unprinted = f"the result could not be printed ({reason(error)}), and is in {prepared.folder}"
         print(f"warning: {one_line(unprinted)}", file=sys.stderr)
         streams.flush_quietly()
     if summary["outcome"] == OutcomeKind.INTERRUPTED:

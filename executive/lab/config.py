@@ -35,7 +35,7 @@ class CollectConfig:
     """
 
     domain: Annotated[str, DOMAIN_NAME]
-    out: Annotated[Path, Option("The folder for the data; one that was begun is gone on with.", flag="--out")]
+    out: Annotated[Path, Option("The folder for the data; an interrupted collection in it is continued.", flag="--out")]
     points: Annotated[int, Option("How many completed actions to picture.", least=1)] = 2000
     problem: Annotated[str | None, PROBLEM] = None
     seed: Annotated[int, Option("Fixes everything, however many processes share the work.", least=0)] = 0

@@ -1,4 +1,4 @@
-"""The scene's shapes as plain triangle meshes, for whoever draws a run: no simulator is needed to look at a trace."""
+"""The scene's shapes as plain triangle meshes, for the viewer: no simulator is needed to look at a trace."""
 
 from __future__ import annotations
 

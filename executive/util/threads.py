@@ -12,7 +12,7 @@ next to nothing on a busy machine, and bridge those.
 
 A program that imports torch before `executive` has torch spin, which nothing can change afterwards: it should import
 `executive` first, or set `OMP_WAIT_POLICY=PASSIVE` itself. How many threads there are can be changed later: where numpy
-or torch came first and took more than there are cores (they know of no quota), they are told of fewer.
+or torch came first and took more than there are cores (they know of no quota), their number is lowered.
 """
 
 from __future__ import annotations

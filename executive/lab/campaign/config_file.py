@@ -52,7 +52,7 @@ LARGEST = 1_000_000
 """Episodes of a campaign."""
 
 _HEAD = 1 << 20
-"""Bytes of each of a model's files that tell it from another model."""
+"""Bytes of each of a model's files that go into its digest."""
 
 
 def read_campaign(file: Path) -> Campaign:
@@ -71,9 +71,9 @@ def check(episodes: Iterable[Episode]) -> None:
     Raises:
         InputError: there is none.
     """
-    eyes = {(each.place, each.configuration.eye) for each in episodes if each.configuration.kind == "vlm"}
-    for place, eye in sorted(eyes, key=str):
-        with_default_model(eye or EstimatorConfig(), load_domain(place.where, place.which).subject)
+    asked = {(each.place, each.configuration.eye) for each in episodes if each.configuration.kind == "vlm"}
+    for place, estimator in sorted(asked, key=str):
+        with_default_model(estimator or EstimatorConfig(), load_domain(place.where, place.which).subject)
 
 
 class _Table(BaseModel):

@@ -129,7 +129,7 @@ METRICS = (
     Metric(
         "time",
         "time",
-        "An episode's length in simulated seconds, whatever it came to.",
+        "An episode's length in simulated seconds, whatever its outcome.",
         lambda row: _played(row, row.sim_seconds),
         share=False,
         unit="s",
@@ -142,9 +142,7 @@ HOW = (
     f"percentile bootstrap with {RESAMPLES:,} resamples of the episodes, and has no width where all of them say the "
     "same. An episode that could not be played to an end (failed) is no success, and counts for nothing else."
 )
-NO_VALUE = (
-    f"n/a: there is none to be had, for who does not look can notice nothing. {DASH}: no episode says anything of it."
-)
+NO_VALUE = f"n/a: undefined for a configuration that does not look. {DASH}: no episode has a value."
 
 
 class Value(NamedTuple):

@@ -1,4 +1,4 @@
-"""The record of a campaign: `episodes.jsonl`, one line an episode, written as each comes to its end.
+"""The record of a campaign: `episodes.jsonl`, one line an episode, written when it ends.
 
 A line is on disk before the next episode is submitted (`executive.lab.common.journal`). A damaged one is
 named, left out and played again."""

@@ -1,4 +1,4 @@
-"""What a collection came to: counted, and told in a data card that a hub understands and a person reads."""
+"""The statistics of a collection, and its data card in the format of model hubs."""
 
 from __future__ import annotations
 

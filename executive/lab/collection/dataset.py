@@ -85,7 +85,7 @@ class Ending(StrEnum):
 
 
 class Log(NamedTuple):
-    """What an episode came to: how many points, every attempt in order, and why it was over."""
+    """The outcome of an episode: the number of points, every attempt in order, and why it ended."""
 
     episode: int
     points: int

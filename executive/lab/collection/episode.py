@@ -77,7 +77,7 @@ class Collector:
         self._skills = load_skills(domain)
 
     def play(self, number: int, most: int, tell: ReportProgress) -> Episode:
-        """One episode from its reset on, cut after `most` points. `tell` is told their number at each.
+        """One episode from its reset on, cut after `most` points. `tell` receives their number at each.
 
         The items stand anywhere upright: what the problem declares of their places is for runs.
         """

@@ -1,4 +1,4 @@
-"""From evaluations of an eye to the files beside it: one that corrects its probabilities (`executive.s3e.calibration`)
+"""From evaluations of a model to the files beside it: one that corrects its probabilities (`executive.s3e.calibration`)
 and one that says how far it can be trusted (`executive.app.sensor_fit`)."""
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ALPHAS = (0.2, 0.1, 0.05, 0.01)
 
 
 def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | None = None) -> tuple[Path, SensorFit]:
-    """Learn from the looks of some evaluations of one eye, write what was learned into `out` (a model's folder, or a
+    """Learn from the looks of some evaluations of one model, write what was learned into `out` (a model's folder, or a
     file for the trust alone), and say where the trust is.
 
     Into a folder, evaluations of probabilities that nothing corrected write a correction, too, as far as it makes

@@ -205,7 +205,7 @@ class Evaluator:
         """Takes all looks; None when cancelled. `watch` is called several times a second.
 
         Args:
-            opened: what `open` gave; without it, an eye is opened first.
+            opened: what `open` gave; without it, an estimator is opened first.
             keep: a file that looks are written to as they are taken, and that those of the same evaluation that are
                 there already are read from.
 
@@ -332,7 +332,7 @@ def _check_scene(domain: Domain, manifest: Mapping[str, Any], warn: Callable[[st
 
 
 class _Seen:
-    """What the eye is shown of a point, and asked about it."""
+    """What the estimator is shown of a point, and asked about it."""
 
     def __init__(self, config: EvalConfig, subject: Subject, drawing: Domain | None) -> None:
         self._config, self._drawing = config, drawing
@@ -377,7 +377,7 @@ class _Seen:
 
 class Kept:
     """The looks of an evaluation that have been taken, by their numbers, and the file that more are written to. A
-    context manager. Looks of another evaluation are not gone on with: the file is begun anew.
+    context manager. Looks of another evaluation are not continued: the file is begun anew.
 
     Args:
         same: what two evaluations have in common whose looks are the same.

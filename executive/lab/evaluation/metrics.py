@@ -6,7 +6,7 @@ however rarely either is true. (Section 6.2 says that it emphasizes the gripping
 rare and frequent labels equally; both hold for a mean over atoms.) The micro average pools all answers. An atom that is
 never true in the data has no average precision, and is left out of the macro average.
 
-An unanswered atom is right at no threshold. Where answers are ranked it comes last: nobody has claimed it.
+An unanswered atom is right at no threshold. Where answers are ranked it comes last.
 """
 
 from __future__ import annotations

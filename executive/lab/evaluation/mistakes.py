@@ -1,4 +1,4 @@
-"""The worst mistakes of an eye: what it saw then, what it was asked, and what it said."""
+"""The worst mistakes of a model: the pictures, the questions and the answers."""
 
 from __future__ import annotations
 

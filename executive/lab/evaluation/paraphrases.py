@@ -1,4 +1,4 @@
-"""The same questions in other words: whether an eye reads its questions, or knows them by heart.
+"""The same questions in other words: whether a model reads its questions, or has memorised them.
 
 A file of paraphrases has several templates for each predicate, as `questions.toml` has one
 (`executive.s3e.questions.templates`), and several names for some of the objects:

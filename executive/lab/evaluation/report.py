@@ -32,7 +32,7 @@ def write(
     """Write everything into `folder`, and return the document that `evaluation.json` holds.
 
     Args:
-        beside: other evaluations, for tables and pictures; their names are told apart.
+        beside: other evaluations, for tables and pictures; equal names get a number.
         published: the domain's published results.
 
     Raises:
@@ -79,7 +79,7 @@ def distinct(evaluations: Sequence[Evaluation]) -> dict[str, Evaluation]:
 
 
 def summary(document: Mapping[str, Any], folder: Path) -> str:
-    """What an evaluation came to, in a few lines."""
+    """The result of an evaluation in a few lines."""
     number = html.number
     whole, asked = document["exact_state"], document["asked"]
     accuracy = ", ".join(f"{number(document[f'accuracy_{threshold}'])} at {threshold}" for threshold in THRESHOLDS)
@@ -100,7 +100,7 @@ _FIGURES = {
     CURVES: (
         "Precision and recall",
         "Over all thresholds: of all answers, of each predicate's atoms pooled, and of single atoms: the "
-        "published ones, and the one that is told worst.",
+        "published ones, and the one with the lowest average precision.",
     ),
     PRECISIONS: (
         "Average precision of each atom",
@@ -114,7 +114,7 @@ _FIGURES = {
 
 
 def _atoms(answers: Answers, published: Published | None) -> list[Atom]:
-    """The atoms whose curves are drawn: those that were published, and the one that is told worst."""
+    """The atoms whose curves are drawn: those that were published, and the one with the lowest."""
     known = {atom: value for atom in answers.atoms if (value := average_precision(answers.of(atom))) is not None}
     worst = [min(known, key=lambda atom: known[atom])] if known else []
     wanted = [atom for atom in (published.atoms if published is not None else ()) if atom in known]

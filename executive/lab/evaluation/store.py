@@ -1,4 +1,4 @@
-"""An evaluation on disk: what it came to in `evaluation.json`, and every answer in `answers.npz`."""
+"""An evaluation on disk: its scores in `evaluation.json`, and every answer in `answers.npz`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _LARGEST = 1_000_000_000
 
 
 def document(evaluation: Evaluation) -> dict[str, Any]:
-    """Everything that an evaluation came to, as JSON: all of it, each predicate, each atom, and apart the looks after
+    """The scores of an evaluation as JSON: all of it, each predicate, each atom, and apart the looks after
     which the state is what the action's effects say (`expected`) and those after which it is not (`surprising`)."""
     answers, surprising = evaluation.answers, evaluation.surprising
     parts = {"expected": answers.where(~surprising), "surprising": answers.where(surprising)}
@@ -110,8 +110,8 @@ def default_folder(config: EvalConfig) -> Path:
 
 @contextmanager
 def claimed(folder: Path, command: str) -> Iterator[Path]:
-    """Make the folder that an evaluation is to be written to, hold it, and take it away again if nothing comes to be in
-    it. A former evaluation in it will be written over.
+    """Make the folder that an evaluation is to be written to, hold it, and remove it again if it stays
+    empty. A former evaluation in it will be written over.
 
     Raises:
         InputError: it holds something else, another process works in it, or it cannot be made.

@@ -1,4 +1,4 @@
-"""The seam between S3E's questions and whatever answers them: a checkpoint in this process, or a server.
+"""The interface between S3E's questions and what answers them: a checkpoint in this process, or a server.
 
 A backend is shown pictures once and asked about them as often as one likes. It answers with the probability mass that
 its next token puts on each of two answers, and leaves what that means to `executive.s3e.estimator`.
@@ -76,7 +76,7 @@ model would rather have said something else."""
 
 
 def rather(text: str, probability: float) -> str:
-    """What a model would rather say, as it is told: `'<think>' (98 %)`."""
+    """The tokens that a model prefers to yes and no, as text: `'<think>' (98 %)`."""
     return f"{text[:_TOLD]!r} ({probability:.0%})"
 
 

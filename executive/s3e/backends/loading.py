@@ -177,7 +177,7 @@ class _NoVideo:
     """Stands where a family's processor wants one for videos, and is never shown any."""
 
     model_input_names: tuple[str, ...] = ()
-    num_frames, fps = 1, 1  # SmolVLM's chat template is told them, and uses them for videos alone
+    num_frames, fps = 1, 1  # arguments of SmolVLM's chat template, used for videos alone
 
 
 def _without_video(checkpoint: Checkpoint) -> Any:

@@ -207,7 +207,7 @@ def data_url(image: Image, encoding: Encoding = "png") -> str:
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What a reply comes to.
+    """The answer in a reply.
 
     Attributes:
         yes, no: the probability mass on each answer.

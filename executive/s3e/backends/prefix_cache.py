@@ -33,7 +33,7 @@ class UnsupportedError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Suffix:
-    """What a prompt goes on with after the first `shared` tokens of the beginning."""
+    """The rest of a prompt after the first `shared` tokens of the beginning."""
 
     shared: int
     tokens: tuple[int, ...]

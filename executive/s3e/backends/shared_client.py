@@ -2,7 +2,7 @@
 
 `SharedBackend` is a `Backend` like any other; behind it is the process of an
 `executive.s3e.backends.shared_host.ModelHost`. The two speak over a socket of this machine (AF_UNIX) in a private
-folder, with a key: nothing is on the network, and neither side takes anything from whoever does not have the key.
+folder, with a key: nothing is on the network, and neither side accepts anything without the key.
 
 Each look is a batch of its own: all questions about its pictures go through the model together, and looks of different
 clients never do. What goes through together decides how sums are rounded, so that an answer would depend on who else
@@ -171,7 +171,7 @@ class _Line:
     waits for nobody: to put something into this kind of queue is safe wherever it happens.
 
     Raises:
-        HostEndedError: nobody is there.
+        HostEndedError: the host has ended.
     """
 
     def __init__(self, address: Address) -> None:
@@ -221,4 +221,4 @@ def _speak(connection: Connection, waiting: _Waiting) -> None:
             except Exception as error:  # what cannot be sent at all
                 if reply is not None:
                     reply.set_exception(error)
-            del item, message, reply  # pictures are not kept while nobody asks
+            del item, message, reply  # pictures are not kept between requests

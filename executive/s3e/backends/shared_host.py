@@ -143,7 +143,7 @@ class _Holder:
             self._visitors.remove(visitor)
 
     def _reply(self, visitor: _Visitor, message: object) -> tuple[bool, object]:
-        """Whether it went well; and what came of it, or why not."""
+        """Whether it succeeded; and the result, or the error."""
         if isinstance(message, Count):
             return True, sum(len(each.looks) for each in list(self._visitors))
         try:

@@ -202,7 +202,7 @@ class Untranslated:
 
 
 def generic(task: Task) -> Templates:
-    """Templates made from the names alone, where nobody has written better ones: stiff, but every atom gets a question
+    """Templates made from the names alone, where the domain has none: stiff, but every atom gets a question
     of its own."""
     predicates, objects = _distinct(_parameters(task)), _distinct(task.objects)
     texts = {}

@@ -20,7 +20,7 @@ TEMPERATURE = 0.8
 """Of every attempt but the first, which takes the likeliest token each time."""
 
 _SAMPLE = 1 << 20
-"""Bytes at either end of a file of weights that tell one model from another of the same shape."""
+"""Bytes at either end of a file of weights that go into a model's digest."""
 
 
 class LocalWriter:

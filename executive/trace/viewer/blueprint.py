@@ -164,16 +164,16 @@ def viewpoint(cameras: Sequence[Camera]) -> tuple[FloatArray, FloatArray]:
 
     Whoever placed the cameras knew where the action is; their optical axes meet there.
     """
-    eyes = np.array([camera.pose[:3] for camera in cameras])
+    positions = np.array([camera.pose[:3] for camera in cameras])
     axes = np.array([_forward(camera) for camera in cameras])
-    target = eyes[0] + axes[0]
+    target = positions[0] + axes[0]
     if len(cameras) > 1:
         # The point with the least sum of squared distances to all axes; a little weight keeps parallel axes solvable.
         across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
         target = np.linalg.solve(
-            across.sum(axis=0) + 1e-6 * np.eye(3), (across @ eyes[:, :, None]).sum(axis=0)[:, 0] + 1e-6 * target
+            across.sum(axis=0) + 1e-6 * np.eye(3), (across @ positions[:, :, None]).sum(axis=0)[:, 0] + 1e-6 * target
         )
-    away = eyes[0] - target
+    away = positions[0] - target
     turn = math.radians(35.0)
     aside = np.array(
         [
