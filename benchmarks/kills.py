@@ -61,7 +61,7 @@ def main() -> None:
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as scratch:
         runs = Path(scratch)
-        length = undisturbed(runs, arguments.problem)
+        length = uninterrupted(runs, arguments.problem)
         print(f"grocery {arguments.problem}: a whole record has {length:,} bytes; killing {arguments.kills} runs")
         for number in range(arguments.kills):
             dice = random.Random(f"{arguments.seed} {number}")
@@ -78,7 +78,7 @@ def main() -> None:
     sys.exit(right != arguments.kills)
 
 
-def undisturbed(runs: Path, problem: str) -> int:
+def uninterrupted(runs: Path, problem: str) -> int:
     """How many bytes the record of a run has that nobody kills."""
     command = [
         *executive("run", "grocery", "--problem", problem, *EYE, "--runs", str(runs), "--name", "whole"),

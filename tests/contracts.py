@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from executive.core.attention import alike
+from executive.core.attention import same_view
 from executive.core.compare import progress
 from executive.errors import InputError
 from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, SkillContext, World
@@ -194,7 +194,7 @@ class WorldContract(ABC):
         assert first.id < second.id
         assert (first.cause, second.cause) == ("once", "twice")
         assert first.images.keys() == second.images.keys()
-        assert alike(first.images, second.images)
+        assert same_view(first.images, second.images)
         same = [np.array_equal(image, second.images[camera]) for camera, image in first.images.items()]
         assert not (first.noisy and any(same)), "a sensor gives no picture twice"
 
@@ -204,7 +204,7 @@ class WorldContract(ABC):
         for camera, image in all_of_them.items():
             alone = world.observe("closer", [camera, "no such camera"]).images
             assert list(alone) == [camera]
-            assert alike(alone, {camera: image})
+            assert same_view(alone, {camera: image})
         assert not world.observe("with eyes shut", ()).images
 
     def test_what_is_scheduled_happens_once_and_in_time(self) -> None:
@@ -259,7 +259,7 @@ class SimulatorContract(WorldContract):
         again = world.observe()
         assert world.time == until
         assert np.array_equal(once.joints, again.joints)
-        assert alike(once.images, again.images)
+        assert same_view(once.images, again.images)
 
     def test_a_disturbance_says_what_it_did_and_an_unknown_one_is_bad_input(self) -> None:
         world = self.make()

@@ -194,7 +194,7 @@ def planner() -> Finding:
 def opengl() -> Finding:
     """Render a picture with OpenGL, as the cameras do."""
     try:
-        renderer = requirements.settle_renderer() or "the system's"
+        renderer = requirements.choose_renderer() or "the system's"
         lacks = requirements.missing_libraries() if sys.platform == "linux" else []
         if lacks:
             return Finding("OpenGL", State.MISSING, lacks[0].what, lacks[0].command)

@@ -1,4 +1,4 @@
-"""What the command `estimate` does: pictures or a video in; out, an answer for each atom and each own question."""
+"""The command `estimate`: it answers the atoms of a domain and additional questions about pictures or a video."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _LONGEST = 1_000
 """Characters of a pattern of atoms."""
 
 OWN = "questions"
-"""The group that one's own questions are shown in; each atom is in that of its predicate."""
+"""The group of additional questions; an atom's group is its predicate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """What is asked about: an atom of the domain, or for a question of one's own an atom made up to stand for it."""
+    """What is asked about: an atom of the domain, or an atom made up to stand for an additional question."""
 
     group: str
     name: str
@@ -42,7 +42,7 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One look: what was found of each item, and how many wall seconds that took."""
+    """The answers of one look, and how many wall seconds they took."""
 
     findings: Mapping[Item, Finding]
     seconds: float
@@ -68,10 +68,10 @@ class Session:
         config: which model, and how it is asked.
         atoms: patterns over atoms as they are printed, such as `on-table(*,wood-table)` or a predicate's name alone;
             without any, all atoms, unless there are questions.
-        questions: more questions, in one's own words.
+        questions: additional questions in words.
 
     Raises:
-        InputError: something of it is no such; one line says what.
+        InputError: an argument is invalid; one line says which.
         MissingError: the model needs a package that is not installed.
     """
 
@@ -89,9 +89,9 @@ class Session:
         chosen = choose(subject.task.atoms, atoms) if atoms or not questions else ()
         own = _own_atoms(questions, subject.task.atoms)
         self.config = config
-        self.eye: S3E = open_estimator(config, subject)
+        self.estimator: S3E = open_estimator(config, subject)
         self.calibrated = load_calibration(config) is not None
-        self.eye.questions = replace(self.eye.questions, text={**self.eye.questions.text, **own})
+        self.estimator.questions = replace(self.estimator.questions, text={**self.estimator.questions.text, **own})
         self.items = (
             *(Item(atom.predicate, str(atom), atom) for atom in chosen),
             *(Item(OWN, question, atom) for atom, question in own.items()),
@@ -100,12 +100,12 @@ class Session:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What went wrong when questions were worded, a line each."""
-        return self.eye.questions.warnings
+        return self.estimator.questions.warnings
 
     def look(self, images: Mapping[str, Image]) -> Estimate:
         """Ask about pictures, each by its name."""
         begin = time.perf_counter()
-        findings = self.eye.ask(observe(images), [item.atom for item in self.items])
+        findings = self.estimator.ask(observe(images), [item.atom for item in self.items])
         return Estimate({item: findings[item.atom] for item in self.items}, time.perf_counter() - begin)
 
     def watch(self, name: str, frames: Iterable[tuple[float, Image]]) -> Iterator[tuple[float, Image, Estimate]]:
@@ -114,9 +114,9 @@ class Session:
             yield moment, image, self.look({name: image})
 
     def head(self) -> dict[str, Any]:
-        """What holds for all that is asked, for the document."""
+        """Return the fields of the document that hold for all answers."""
         calibrated = {"calibrated": True} if self.calibrated else {}
-        return {"model": self.eye.backend.name, "system_prompt": self.eye.questions.system, **calibrated}
+        return {"model": self.estimator.backend.name, "system_prompt": self.estimator.questions.system, **calibrated}
 
     def document(self, images: Sequence[Path], estimate: Estimate) -> dict[str, Any]:
         """All that was asked and answered in one look, as JSON: enough for an outsider to ask the same again."""
@@ -135,7 +135,7 @@ def tell_look(session: Session, files: Sequence[Path], images: Mapping[str, Imag
     count = len(files)
     asked = "one by one" if session.config.per_image and count > 1 else "together" if count > 1 else ""
     shown = f"{count} picture{'s' * (count > 1)} {asked}".rstrip()
-    print(f"{session.eye.backend.name}, {shown}, {estimate.seconds:.1f} s\n")
+    print(f"{session.estimator.backend.name}, {shown}, {estimate.seconds:.1f} s\n")
     lines = [
         Line(
             item.group,

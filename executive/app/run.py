@@ -17,7 +17,7 @@ from executive.app.resume import PastRun
 from executive.app.worlds import make_setting, oracle_sensor_model
 from executive.core.loop import Executive
 from executive.core.run_state import RunState
-from executive.core.time_limits import punctual_estimator, punctual_planner, punctual_preparing, punctual_skills
+from executive.core.time_limits import limit_estimator, limit_planner, limit_preparing, limit_skills
 from executive.domain.loader import load_domain
 from executive.errors import InputError
 from executive.faults import (
@@ -171,12 +171,12 @@ class Run:
         preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
         return make_executive(
             self.domain.task,
-            punctual_planner(faulty_planner(self._feasible(planner), faults), config.patience),
+            limit_planner(faulty_planner(self._feasible(planner), faults), config.patience),
             faulty_world(self.world, faults),
-            punctual_skills(faulty_skills(skills, faults), config.patience, left=self._seconds_left),
+            limit_skills(faulty_skills(skills, faults), config.patience, left=self._seconds_left),
             None
             if estimator is None
-            else punctual_estimator(faulty_estimator(estimator, faults), config.patience, self._seconds_left),
+            else limit_estimator(faulty_estimator(estimator, faults), config.patience, self._seconds_left),
             sinks=self._sinks,
             settings=config.settings(),
             faults=faults,
@@ -187,7 +187,7 @@ class Run:
             attention=self._stage.attention,
             moves=moves,
             run_state=run_state,
-            prepare=punctual_preparing(preparing, self._seconds_left),
+            prepare=limit_preparing(preparing, self._seconds_left),
         )
 
     def _seconds_left(self) -> float:

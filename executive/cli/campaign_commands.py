@@ -98,7 +98,7 @@ def bench(
             ):
                 whole = work.play(wanted, pool, watch)
             if not whole:
-                print(f"interrupted; finished episodes are kept, go on with: {shlex.join(again)}", file=sys.stderr)
+                print(f"interrupted; finished episodes are kept, continue with: {shlex.join(again)}", file=sys.stderr)
                 return interrupted.code
     return _report(folder, as_json)
 

@@ -103,7 +103,7 @@ def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
         if "@" in spec and str(parse_fault(spec)) not in struck and not quiet:
             print(f"warning: the fault {spec} never struck in {summary['actions']} actions", file=sys.stderr)
     if summary["outcome"] == OutcomeKind.INTERRUPTED and not quiet:
-        print(f"go on with: executive resume {shlex.quote(str(prepared.folder))}", file=sys.stderr)
+        print(f"continue with: executive resume {shlex.quote(str(prepared.folder))}", file=sys.stderr)
     try:
         if not quiet:
             print_summary(summary, prepared.folder, stream)

@@ -91,7 +91,7 @@ def collect(
             watch, lambda: pool_options.make_pool(collection.player, config.jobs, engine, address)
         )
     if manifest is None:
-        print(f"interrupted; finished episodes are kept, go on with: {config.command}", file=sys.stderr)
+        print(f"interrupted; finished episodes are kept, continue with: {config.command}", file=sys.stderr)
         return interrupted.code
     print(json.dumps(manifest, indent=2) if as_json else summary(manifest, config.out))
     return REACHED
@@ -135,7 +135,7 @@ def evaluate(
             with show_progress(sys.stderr, "looks") as watch:
                 evaluation = evaluator.run(pool, opened, folder / store.KEPT, watch) if opened is not None else None
         if evaluation is None:
-            print(f"interrupted; the looks that were taken are kept, go on with: {again}", file=sys.stderr)
+            print(f"interrupted; the looks that were taken are kept, continue with: {again}", file=sys.stderr)
             return interrupted.code
         document = reporting.write(folder, evaluation, evaluator.mistakes.sheet(), others, evaluator.published)
         (folder / store.KEPT).unlink(missing_ok=True)
@@ -181,7 +181,7 @@ def train(
     with ctrl_c(training.cancel, SECONDS_TO_LEAVE) as interrupted, show_stages(sys.stderr) as watch:
         model = training.run(watch)
     if model is None:
-        print(f"interrupted; everything is kept, go on with: {config.command}", file=sys.stderr)
+        print(f"interrupted; everything is kept, continue with: {config.command}", file=sys.stderr)
         return interrupted.code
     look = shlex.join(["executive", "run", config.domain, "--vlm", str(model)])
     print(json.dumps({"model": str(model), "run": look}, indent=2) if as_json else f"{model}; run with it: {look}")

@@ -1,4 +1,4 @@
-"""What a look asks about, through which cameras, and which pictures tell nothing. Pure.
+"""Attention: what a look asks about, through which cameras, and which pictures are uninformative. Pure.
 
 Questions cost time, and with many objects there are more atoms than a look can ask about: their number grows with the
 product of the objects. What a step changes, needs and leads to does not, so that is what is asked (issue 5, part 8).
@@ -20,14 +20,14 @@ DOUBTFUL = 0.02
 _FLAT = 8
 """Grey levels (of 255) between the darkest and the brightest value of a picture that shows nothing."""
 
-_BLOCK, _ALIKE = 8, 1.5
+_BLOCK, _MAX_DIFFERENCE = 8, 1.5
 """Two pictures show the same if no square of so many pixels a side differs by more than so many grey levels on
 average: noise averages out."""
 
 
 @dataclass(frozen=True, slots=True)
 class Attention:
-    """What a domain says of looking.
+    """Which cameras a domain uses for what.
 
     `closer` maps a predicate or an object to the cameras that show it best; an atom goes by its predicate first, then
     by its arguments, and one that has none is best seen by all. `carried` maps an action to the atom that is true
@@ -80,8 +80,8 @@ def questions(
     return tuple(wanted)[:most]
 
 
-def useless(images: Mapping[str, Image], before: Mapping[str, Image]) -> dict[str, PictureFault]:
-    """The cameras whose pictures tell nothing, each with the reason.
+def uninformative(images: Mapping[str, Image], before: Mapping[str, Image]) -> dict[str, PictureFault]:
+    """Return the cameras whose pictures are uninformative, each with the reason.
 
     Args:
         images: what the cameras show now.
@@ -96,12 +96,12 @@ def useless(images: Mapping[str, Image], before: Mapping[str, Image]) -> dict[st
     }
 
 
-def alike(some: Mapping[str, Image], others: Mapping[str, Image]) -> bool:
-    """Whether pictures of the same cameras show the same, but for a sensor's noise."""
-    return some.keys() == others.keys() and all(_alike(image, others[name]) for name, image in some.items())
+def same_view(some: Mapping[str, Image], others: Mapping[str, Image]) -> bool:
+    """Return whether pictures of the same cameras show the same, up to sensor noise."""
+    return some.keys() == others.keys() and all(_same_image(image, others[name]) for name, image in some.items())
 
 
-def _alike(image: Image, other: Image) -> bool:
+def _same_image(image: Image, other: Image) -> bool:
     if image.shape != other.shape:
         return False
     apart = image.astype(np.float32) - other
@@ -109,7 +109,7 @@ def _alike(image: Image, other: Image) -> bool:
         starts, length = np.arange(0, apart.shape[axis], _BLOCK), apart.shape[axis]
         sizes = np.diff(starts, append=length)
         apart = np.add.reduceat(apart, starts, axis) / (sizes[:, None, None] if axis == 0 else sizes[:, None])
-    return float(np.abs(apart).max(initial=0.0)) <= _ALIKE
+    return float(np.abs(apart).max(initial=0.0)) <= _MAX_DIFFERENCE
 
 
 def _is_plain(image: Image) -> bool:

@@ -23,9 +23,9 @@ def compare(expected: Facts, seen: Mapping[Atom, bool]) -> Verdict:
     return Verdict(holds, frozenset(told.keys() - holds), frozenset(expected.keys() - told.keys()))
 
 
-def bearing(step: Step, known: Facts) -> Facts:
-    """What is known that bears on how a step comes out: what it needs and changes, and whatever else is said of the
-    objects that it is about, such as what stands on the table that it puts something on."""
+def relevant_facts(step: Step, known: Facts) -> Facts:
+    """Return the known facts that a step's outcome may depend on: what it needs and changes, and all other atoms of its
+    objects, such as what stands on the table that it puts something on."""
     objects, own = frozenset(step.args), step.atoms
     return known.only(atom for atom in known if atom in own or not objects.isdisjoint(atom.args))
 
@@ -74,16 +74,16 @@ def remaining(
     return kept
 
 
-class Outlook(NamedTuple):
-    """What becomes of the rest of a plan: the positions that are still to be done (None: it does not reach the goal any
-    more), the atoms that this hangs on, and whether it would reach the goal after one more try of the step before."""
+class RemainingPlan(NamedTuple):
+    """The rest of a plan: the positions that are still to be done (None: it no longer reaches the goal), the atoms that
+    this depends on, and whether it would reach the goal after one more try of the step before."""
 
     rest: tuple[int, ...] | None
     needed: frozenset[Atom]
     repeatable: bool
 
 
-def outlook(
+def remaining_plan(
     step: Step,
     left: Sequence[Step],
     state: Facts,
@@ -91,8 +91,8 @@ def outlook(
     surprised: bool,
     rules: DerivedRules = NO_RULES,
     seen: Mapping[Atom, bool] = Facts(),
-) -> Outlook:
-    """The outlook after `step`, with the steps `left`, from the complete `state`.
+) -> RemainingPlan:
+    """Return what is left of the plan after `step`, with the steps `left`, from the complete `state`.
 
     Only a surprise is taken as an occasion to leave out steps; a plan that goes as expected is followed as it is. Where
     a disjunction leaves open which atoms the rest hangs on, those that are `seen` are taken.
@@ -105,7 +105,7 @@ def outlook(
     open_ -= seen.keys()
     if rest is not None:
         open_ = _decisive(following, state, goal, rules, sorted(open_))
-    return Outlook(rest, frozenset(needed | open_), reaches((step, *left), state, goal, rules))
+    return RemainingPlan(rest, frozenset(needed | open_), reaches((step, *left), state, goal, rules))
 
 
 _MOST_TRIED = 32

@@ -161,7 +161,9 @@ class Executive:
         while isinstance(plan := self.queries.plan(self.run_state, self.run_state.state), NoPlan):
             self._emit(plan)
             answers[plan.reason] += 1
-            decision = policy.unplanned(plan, answers[plan.reason], self.run_state.doubts(self.settings), self.settings)
+            decision = policy.unplanned(
+                plan, answers[plan.reason], self.run_state.uncertain_atoms(self.settings), self.settings
+            )
             if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
                 self._in_time()
                 self._weigh(self.observer.look_again(self.run_state, "there is no plan", decision.evidence))
@@ -249,7 +251,7 @@ class Executive:
             self.run_state = run_state = self.run_state.whole_goal_seen()
             _, verdict = self._compare_condition("goal", run_state.goal, run_state.claimable(self.settings.claim))
             plan, whole = self.queries.with_given_up(run_state) if verdict.satisfied else (None, run_state.goal)
-            unsure, dropped = run_state.unsure_of_goal(self.settings.sure), run_state.dropped(plan, whole)
+            unsure, dropped = run_state.unsure_of_goal(self.settings.sure), run_state.what_was_given_up(plan, whole)
             redo = self.queries.redo(run_state, verdict) if checks > self.settings.max_looks_again else None
             decision = self._decide(
                 policy.finish(run_state.goal, verdict, unsure, checks, dropped, self.settings, redo)

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
-from executive.core.attention import Attention, alike, useless
+from executive.core.attention import Attention, same_view, uninformative
 from executive.core.hold_guard import HoldGuard
 from executive.core.run_state import RunState
 from executive.core.session import Session
@@ -101,7 +101,7 @@ class CameraObserver:
         self.estimator, self._world, self._session, self._settings = estimator, world, session, settings
         self._attention, self._moves = attention or Attention(), dict(moves or {})
         self._latest: dict[str, Image] = {}
-        self._useless: dict[str, PictureFault] = {}
+        self._uninformative: dict[str, PictureFault] = {}
         self._answered: list[tuple[Mapping[str, Image], frozenset[Atom]]] = []
 
     @property
@@ -165,7 +165,7 @@ class CameraObserver:
         """One look; `groups` are the atoms to ask about, by the cameras to show (none: all of them)."""
         close: dict[tuple[str, ...], list[Atom]] = {}
         for cameras, atoms in groups.items():  # a camera that shows nothing does not show best what it looks at
-            close.setdefault(tuple(camera for camera in cameras if camera not in self._useless), []).extend(atoms)
+            close.setdefault(tuple(camera for camera in cameras if camera not in self._uninformative), []).extend(atoms)
         with self._session.stage("observe"):
             every = self._attention.shown or None
             wanted = every if () in close else {camera for cameras in close for camera in cameras}
@@ -186,11 +186,13 @@ class CameraObserver:
     def _usable(self, observation: Observation) -> dict[str, Image]:
         """The pictures that show something; the others are reported."""
         images = observation.images
-        bad = useless(images, self._latest if observation.noisy else {})
+        bad = uninformative(images, self._latest if observation.noisy else {})
         for camera, reason in bad.items():
-            if self._useless.get(camera) != reason:
+            if self._uninformative.get(camera) != reason:
                 self._session.emit(Blinded(camera, reason, observation.id))
-        self._useless = {camera: reason for camera, reason in self._useless.items() if camera not in images} | bad
+        self._uninformative = {
+            camera: reason for camera, reason in self._uninformative.items() if camera not in images
+        } | bad
         self._latest |= images
         return {camera: image for camera, image in images.items() if camera not in bad}
 
@@ -198,7 +200,7 @@ class CameraObserver:
         """The atoms that no model has answered yet for just these pictures."""
         if self.questions is None:
             return list(atoms)
-        answered = {atom for shown, told in self._answered if alike(shown, images) for atom in told}
+        answered = {atom for shown, told in self._answered if same_view(shown, images) for atom in told}
         return [atom for atom in atoms if atom not in answered]
 
     def _ask(self, observation: Observation, images: Mapping[str, Image], atoms: Sequence[Atom]) -> Belief:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from executive.belief import Monitor
 from executive.core.policy import OptimisticPlan, largest_reachable
-from executive.core.run_state import Leeway, RunState
+from executive.core.run_state import RunState, StuckSteps
 from executive.core.session import Session
 from executive.protocols import Planner
 from executive.types import ALWAYS, Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Probed, Step, Verdict
@@ -35,24 +35,24 @@ class PlannerQueries:
     def plan(self, run_state: RunState, state: Facts) -> Plan | NoPlan:
         """A plan for the goal without the steps that were given up on, or at least not in the same circumstances."""
         goal = run_state.goal
-        answer = self._plan(run_state, goal, state, Leeway.NONE)
+        answer = self._plan(run_state, goal, state, StuckSteps.NEVER)
         if isinstance(answer, NoPlan) and answer.without:
             self._emit(probed(goal, answer))
-            answer = self._plan(run_state, goal, state, Leeway.CHANGED)
+            answer = self._plan(run_state, goal, state, StuckSteps.IF_CHANGED)
         return answer
 
-    def probe(self, run_state: RunState, goal: Condition, leeway: Leeway = Leeway.NONE) -> Plan | NoPlan:
+    def probe(self, run_state: RunState, goal: Condition, allowed: StuckSteps = StuckSteps.NEVER) -> Plan | NoPlan:
         """Whether `goal` can be reached from what is believed."""
         if run_state.holds(goal, run_state.state):
             return Plan((), 0.0, "", 0.0)
-        answer = self._plan(run_state, goal, run_state.state, leeway)
+        answer = self._plan(run_state, goal, run_state.state, allowed)
         self._emit(probed(goal, answer))
         return answer
 
     def largest(self, run_state: RunState) -> tuple[Condition, Plan | None, bool]:
         """The largest part of the goal that can be reached, a plan for it, and whether a stuck step limits it."""
-        kept, plan, hangs = self._largest(run_state, Leeway.NONE)
-        return self._largest(run_state, Leeway.CHANGED) if hangs and kept == ALWAYS else (kept, plan, hangs)
+        kept, plan, hangs = self._largest(run_state, StuckSteps.NEVER)
+        return self._largest(run_state, StuckSteps.IF_CHANGED) if hangs and kept == ALWAYS else (kept, plan, hangs)
 
     def with_given_up(self, run_state: RunState) -> tuple[Plan | None, Condition]:
         """A plan for what was given up, too, or for the first part of it that does not depend on a stuck step, and the
@@ -61,12 +61,12 @@ class PlannerQueries:
         given_up = run_state.given_up.conjuncts
         if not given_up:
             return None, goal
-        answer = self.probe(run_state, wanted, Leeway.LAST)
+        answer = self.probe(run_state, wanted, StuckSteps.LAST_RESORT)
         for part in given_up if answer.without and len(given_up) > 1 else ():
             if isinstance(answer, Plan):
                 break
             wanted = run_state.task.goal.only((*goal.conjuncts, part))
-            answer = self.probe(run_state, wanted, Leeway.LAST)
+            answer = self.probe(run_state, wanted, StuckSteps.LAST_RESORT)
         return (None, goal) if isinstance(answer, NoPlan) else (answer, wanted)
 
     def optimistic(self, run_state: RunState) -> OptimisticPlan | None:
@@ -96,18 +96,18 @@ class PlannerQueries:
         self._emit(probed(run_state.goal, plan))
         return None if isinstance(plan, NoPlan) else OptimisticPlan(atom, state, plan)
 
-    def _largest(self, run_state: RunState, leeway: Leeway) -> tuple[Condition, Plan | None, bool]:
+    def _largest(self, run_state: RunState, allowed: StuckSteps) -> tuple[Condition, Plan | None, bool]:
         without: set[str] = set()
 
         def plan_for(part: Condition) -> Plan | None:
-            answer = self.probe(run_state, part, leeway)
+            answer = self.probe(run_state, part, allowed)
             without.update(answer.without)
             return None if isinstance(answer, NoPlan) else answer
 
         kept, plan = largest_reachable(run_state.goal, plan_for, self._most)
         return kept, plan, bool(without)
 
-    def _plan(self, run_state: RunState, goal: Condition, state: Facts, leeway: Leeway) -> Plan | NoPlan:
+    def _plan(self, run_state: RunState, goal: Condition, state: Facts, allowed: StuckSteps) -> Plan | NoPlan:
         """Where the plan depends on a step that is stuck, the planner is asked for one without it, and so on."""
         avoid: frozenset[Step] = frozenset()
         while True:
@@ -115,7 +115,7 @@ class PlannerQueries:
             with self._session.stage("plan"):
                 answer = self.planner.plan(state, goal, avoid, left)
             answer = replace(answer, without=tuple(sorted(map(str, avoid))))
-            stuck = frozenset() if isinstance(answer, NoPlan) else run_state.hung_on(answer.steps, state, leeway)
+            stuck = frozenset() if isinstance(answer, NoPlan) else run_state.stuck_among(answer.steps, state, allowed)
             if not stuck:
                 return answer
             self._emit(probed(goal, answer))

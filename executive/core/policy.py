@@ -1,7 +1,7 @@
-"""What to do next, and why: pure functions from what was seen, what the skill says and the budget to one Decision.
+"""The policy: pure functions from verdict, skill report and budget to one Decision with its causes.
 
-Each function answers at one moment of a turn of the loop. The order of the questions inside it is the policy, so they
-are to be read from top to bottom. Nothing is remembered here; every count comes in.
+Each function decides at one point of a cycle. The order of the conditions inside it is the policy, so they are to be
+read from top to bottom. Nothing is remembered here; every count is an argument.
 """
 
 from __future__ import annotations
@@ -33,25 +33,31 @@ from executive.types import (
 
 
 class Failures(NamedTuple):
-    """How often a step has failed: while the known facts that bear on it were these, and in all."""
+    """How often a step has failed: with the present relevant facts (`here`), and in all since it last worked."""
 
     here: int
     ever: int
 
     def too_many(self, status: SkillStatus, settings: Settings) -> bool:
-        return self.here >= settings.tolerated(status) or self.ever >= settings.bearable(status)
+        """Whether the step is to be given up on."""
+        same, ever = settings.max_failures_with_same_facts(status), settings.max_failures_ever(status)
+        return self.here >= same or self.ever >= ever
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class StepOutcome:
     """What is known once a step was carried out and looked at.
 
-    `verdict` holds what was seen against what was expected of everything that was asked about. `doubts` are the atoms
-    that the rest of the plan or the goal hangs on and that no look could tell, each with the number of cycles since it
-    was last seen (None: never). `planned` steps were to follow; `rest` are the positions of those that are still to be
-    done from what is known, or None when they no longer reach the goal. `repeatable`: they would, if the step were done
-    once more. `looks` counts those since the action, `attempt` this step's tries in a row, `failures` how often it has
-    failed, this time included.
+    Attributes:
+        verdict: what was seen against what was expected, for all that was asked about.
+        doubts: the atoms that the rest of the plan or the goal depends on and that no look could tell, each with the
+            number of cycles since it was last seen (None: never).
+        planned: how many steps were to follow.
+        rest: the positions of those that are still to be done from what is known; None if they do not reach the goal.
+        repeatable: whether they would if the step were carried out once more.
+        looks: how many there were since the action.
+        attempt: this step's tries in a row.
+        failures: how often it has failed, this time included.
     """
 
     step: Step
@@ -67,17 +73,17 @@ class Turn:
     failures: Failures
 
 
-class Doubts(NamedTuple):
-    """What a look could be about, the least certain atoms first (none for an executive that cannot look and has no
-    reason to doubt what it believes), and those of them that cannot be told, or not with `Settings.sure`."""
+class UncertainAtoms(NamedTuple):
+    """The atoms that a look could ask about, the least certain first (none for an executive that does not look), and
+    those of them that cannot be told, or not with `Settings.sure`."""
 
     atoms: tuple[Atom, ...] = ()
     unsure: tuple[Atom, ...] = ()
 
 
-class Dropped(NamedTuple):
-    """What of the goal was given up, and why; or what of that is within reach after all, with a plan that reaches what
-    is left of the goal, too."""
+class GivenUp(NamedTuple):
+    """The parts of the goal that were given up, and why; or those of them that can be reached after all, with a plan
+    that reaches the rest of the goal, too."""
 
     goals: Condition
     why: tuple[Cause, ...] = ()
@@ -99,7 +105,7 @@ class OptimisticPlan(NamedTuple):
 
     @property
     def instead(self) -> tuple[Atom, ...]:
-        """What the plan begins with, which is not what is believed."""
+        """The positive literals that the plan's first step needs."""
         return tuple(sorted(self.plan.steps[0].precondition.facts.true))
 
 
@@ -132,7 +138,7 @@ def before(
     return _fail((cause,), unmet, failures, SkillStatus.NOT_THERE, settings)
 
 
-def after(turn: Turn, settings: Settings) -> Decision:
+def after(turn: StepOutcome, settings: Settings) -> Decision:
     """After a step was carried out and looked at: go on, look once more, try once more, plan anew, give up or stop?"""
     step, result, verdict = turn.step, turn.result, turn.verdict
     may_look = turn.looks <= settings.max_looks_again
@@ -181,7 +187,7 @@ def crashed(result: SkillResult) -> Decision | None:
     return _stop(OutcomeKind.CRASHED, cause)
 
 
-def unplanned(no_plan: NoPlan, times: int, doubts: Doubts, settings: Settings) -> Decision:
+def unplanned(no_plan: NoPlan, times: int, doubts: UncertainAtoms, settings: Settings) -> Decision:
     """The planner has no plan, for the `times`-th time in a row for this reason."""
     code = _NO_PLAN[no_plan.reason]
     cause = Cause(code, steps=no_plan.without, detail=no_plan.detail)
@@ -211,8 +217,8 @@ def goes_around(cause: Decision) -> Decision:
 
 
 def given_up(cause: Decision, goal: Condition, kept: Condition, is_stuck: bool) -> Decision:
-    """`cause` calls for giving up goals, and `kept` is what of `goal` can be reached. `is_stuck`: there are plans, but
-    they hang on a step that fails again and again."""
+    """`cause` calls for giving up goals, and `kept` is the part of `goal` that can be reached. `is_stuck`: there are
+    plans, but they contain a step that fails again and again."""
     dropped = goal.without(kept.conjuncts)
     if kept == ALWAYS:
         outcome = OutcomeKind.GAVE_UP if is_stuck else OutcomeKind.NO_PLAN
@@ -229,7 +235,7 @@ def finish(
     verdict: Verdict,
     unsure: Collection[Atom],
     checks: int,
-    dropped: Dropped,
+    dropped: GivenUp,
     settings: Settings,
     redo: OptimisticPlan | None = None,
 ) -> Decision:
@@ -321,7 +327,7 @@ def _fail(
     if not failures.too_many(status, settings):
         return Decision(DecisionKind.REPLAN, causes, evidence)
     often = Cause(Reason.FAILED_TOO_OFTEN, count=failures.ever)
-    if failures.here >= settings.tolerated(status):
+    if failures.here >= settings.max_failures_with_same_facts(status):
         often = Cause(Reason.FAILED_WITH_SAME_FACTS, count=failures.here)
     return Decision(DecisionKind.GIVE_UP_GOAL, (*causes, often), evidence)
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from executive.belief.interface import Judgement, Memory
 from executive.core.attention import questions
-from executive.core.compare import bearing, compare, outlook, progress
-from executive.core.policy import Doubts, Dropped, Failures, Turn
+from executive.core.compare import compare, progress, relevant_facts, remaining_plan
+from executive.core.policy import Failures, GivenUp, StepOutcome, UncertainAtoms
 from executive.core.settings import Settings
 from executive.types import (
     ALWAYS,
@@ -41,17 +41,17 @@ MIN_PROBABILITY = 0.02
 """An atom that is less probable than this is not planned with."""
 
 
-class Leeway(Enum):
-    """Where a plan may hang on a step that was given up on. One that was given up on twice may be in none."""
+class StuckSteps(Enum):
+    """When a plan may contain a step that was given up on. One that was given up on twice may be in none."""
 
-    NONE = "nowhere"
-    CHANGED = "where something that bears on it has changed"
-    LAST = "where nothing else is left to do: as before, and if anything was done since"
+    NEVER = "never"
+    IF_CHANGED = "if a relevant fact has changed since"
+    LAST_RESORT = "if nothing else is left to do: as before, or if any action was carried out since"
 
 
 class Stuck(NamedTuple):
-    """A step that was given up on: the known facts that bore on it, after how many actions of the run that was, and how
-    often by now."""
+    """A step that was given up on: the relevant facts then, after how many actions of the run that was, and how often
+    by now."""
 
     facts: Facts
     actions: int
@@ -60,8 +60,8 @@ class Stuck(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A state of the world between two actions, as far as it was looked at: what was expected of it and what was known
-    before it, how many looks there were, which atoms they asked about, and the number of the last observation."""
+    """The time between two actions, in which the world stays as it is: what was expected and what was known before, how
+    many looks there were, which atoms they asked about, and the number of the last observation."""
 
     expected: Facts = field(default_factory=Facts)
     before: Facts = field(default_factory=Facts)
@@ -72,17 +72,23 @@ class Moment:
 
 @dataclass(frozen=True, slots=True)
 class RunState:
-    """The course of a run so far.
+    """All that changes while a run goes on.
 
-    `goal` is what is still gone for: the task's goal without what was given up. `memory` is the monitor's own, and
-    `judgement` what it made of the looks at this `moment` (None before the first one). `known` are the facts that were
-    told or ever seen, as they are believed now. `source` is the last look that asked about an atom, with its cameras.
-    `todo` are the positions of the plan's steps that are left, `attempt` counts the tries at the first of them, and
-    `report` is what the skill of this cycle said. `failures` counts how often each step failed, by the known facts that
-    bore on it; `stuck` are the steps that were given up on; `given_up_why` is why some of the goal was given up last.
-    `tried` are the atoms that were acted upon as if they were not what they are believed to be. `since` is how far
-    another process had come, where one began the run. A *cycle* is a turn of the loop, an *action* a dispatched step, a
-    *replan* a plan that was taken up after the first.
+    Attributes:
+        goal: the task's goal without the parts that were given up.
+        known: the facts that were given or ever seen, as they are believed now.
+        memory: the monitor's own state.
+        judgement: the belief after the looks at this `moment`; None before the first one.
+        source: the last look that asked about an atom, with its cameras.
+        todo: the positions of the plan's steps that are left; `attempt` counts the tries at the first of them.
+        report: the report of this cycle's skill.
+        cycle, actions, replans, looks: how many there were. A *cycle* is a turn of the loop, an *action* a dispatched
+            step, a *replan* a plan after the first.
+        failures: how often each step failed, by the relevant facts.
+        stuck: the steps that were given up on.
+        given_up_why: why parts of the goal were given up last.
+        tried: the atoms for which a plan from a less probable state was carried out.
+        since: how far another process had come, where one began the run.
     """
 
     task: Task
@@ -138,15 +144,15 @@ class RunState:
     def failing(self, step: Step, known: Facts) -> Failures:
         """How often the step has failed, if it fails now, with `known` known before it."""
         before = self.failures.get(step, {})
-        return Failures(before.get(bearing(step, known), 0) + 1, sum(before.values()) + 1)
+        return Failures(before.get(relevant_facts(step, known), 0) + 1, sum(before.values()) + 1)
 
-    def hung_on(self, steps: Iterable[Step], state: Facts, leeway: Leeway) -> frozenset[Step]:
-        """Those of the steps, carried out in order from the complete `state`, that are stuck."""
+    def stuck_among(self, steps: Iterable[Step], state: Facts, allowed: StuckSteps) -> frozenset[Step]:
+        """Those of the steps, carried out in order from the complete `state`, that are stuck and not `allowed`."""
         found = set()
         for step in steps if self.stuck else ():
             if (stuck := self.stuck.get(step)) is not None:
-                changed = leeway is not Leeway.NONE and not state.entails(stuck.facts)
-                later = leeway is Leeway.LAST and self.actions > stuck.actions
+                changed = allowed is not StuckSteps.NEVER and not state.entails(stuck.facts)
+                later = allowed is StuckSteps.LAST_RESORT and self.actions > stuck.actions
                 if stuck.times > 1 or not (changed or later):
                     found.add(step)
             state = progress(state, step, self.task.derived)
@@ -164,14 +170,14 @@ class RunState:
         probability = self.judgement.probability if self.judgement else {}
         return questions(self.task.atoms, matters, probability, most)
 
-    def doubts(self, settings: Settings) -> Doubts:
+    def uncertain_atoms(self, settings: Settings) -> UncertainAtoms:
         """All atoms, the least certain first, and before all those that cannot be told. There is no plan because of
         some that nobody suspects, so that no limit of questions holds for what follows."""
         if self.judgement is None:
-            return Doubts()
+            return UncertainAtoms()
         certain = self.judgement.least_certain(self.task.atoms)
         atoms = sorted(certain, key=lambda atom: atom in self.seen)
-        return Doubts(tuple(atoms), self.unsure(atoms, settings.sure))
+        return UncertainAtoms(tuple(atoms), self.unsure(atoms, settings.sure))
 
     @property
     def spent(self) -> dict[str, float]:
@@ -212,10 +218,10 @@ class RunState:
         atoms = (*condition.facts, *sorted(condition.atoms.difference(condition.facts)))
         return self.task.derived.support(atoms)
 
-    def dropped(self, plan: Plan | None, reached: Condition) -> Dropped:
+    def what_was_given_up(self, plan: Plan | None, reached: Condition) -> GivenUp:
         """What was given up; `plan` is for as much of it as is in `reached`, if there is one."""
         back = self.given_up.only(reached.conjuncts)
-        return Dropped(self.given_up if plan is None else back, self.given_up_why, plan)
+        return GivenUp(self.given_up if plan is None else back, self.given_up_why, plan)
 
     def unsure(self, atoms: Iterable[Atom], sure: float) -> tuple[Atom, ...]:
         """Those of the atoms that cannot be told, or with a probability of less than `sure`."""
@@ -330,7 +336,7 @@ class RunState:
         """Nobody looks: what was expected of the step becomes what is known."""
         return replace(self, known=self.moment.expected, todo=self.todo[1:], attempt=1)
 
-    def judged(self, turn: Turn, decision: Decision) -> RunState:
+    def judged(self, turn: StepOutcome, decision: Decision) -> RunState:
         """The dispatched step came out as `turn` says, and `decision` was taken on it."""
         if turn.rest is None:
             return replace(self.failed(turn.step, self.moment.before, decision), attempt=self.attempt + 1)
@@ -345,7 +351,7 @@ class RunState:
 
     def failed(self, step: Step, known: Facts, decision: Decision) -> RunState:
         """The step failed when `known` was known."""
-        facts = bearing(step, known)
+        facts = relevant_facts(step, known)
         counts = {**self.failures.get(step, {}), facts: self.failing(step, known).here}
         failures, stuck = {**self.failures, step: MappingProxyType(counts)}, dict(self.stuck)
         if decision.kind is DecisionKind.GIVE_UP_GOAL:
@@ -355,15 +361,15 @@ class RunState:
 
     # What it amounts to.
 
-    def turn(self, result: SkillResult) -> Turn:
+    def turn(self, result: SkillResult) -> StepOutcome:
         """Everything that is to be decided upon after the dispatched step was looked at."""
         step, *left = self.left
         moment, judgement = self.moment, self.judgement
         verdict = compare(self.expected, self.seen)
         rules, seen = self.task.derived, self.seen
-        view = outlook(step, left, self.state, self.goal, bool(verdict.violated), rules, seen)
+        view = remaining_plan(step, left, self.state, self.goal, bool(verdict.violated), rules, seen)
         ages = {atom: judgement.age(atom) if judgement else None for atom in sorted(view.needed - self.seen.keys())}
-        return Turn(
+        return StepOutcome(
             step=step,
             result=result,
             expected=self.expected,

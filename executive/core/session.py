@@ -1,5 +1,5 @@
-"""What surrounds a run: events are delivered to sinks, exceptions are caught and named, steps are handed to their
-skills. Nothing here decides anything; the loop does.
+"""The session of a run: it delivers events to sinks, turns exceptions into an end, and dispatches steps to skills.
+Nothing here decides anything; the loop does.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from executive.types import (
     Step,
     Timing,
 )
-from executive.util.timeout import undisturbed
+from executive.util.timeout import uninterrupted
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +56,7 @@ class Session:
     Args:
         seed: fixes the random numbers of every skill.
         faults: breaks things on purpose, where anything is to be broken.
-        clock: tells how many wall seconds ago the process began with the run; without one, a stopwatch starts now.
+        clock: returns how many wall seconds ago the process began with the run; without one, a stopwatch starts now.
 
     Attributes:
         cycle: the loop's current one, with which events are stamped; the loop sets it.
@@ -249,7 +249,7 @@ class Session:
     def _deliver(self, payload: Payload) -> None:
         start = self._clock()
         event = Event(self.cycle, self._time, self._before + start, payload)
-        with undisturbed():
+        with uninterrupted():
             for sink in tuple(self._listening):
                 if not self._guarded(sink, sink.write, event):
                     self._listening.remove(sink)

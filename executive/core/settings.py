@@ -12,10 +12,10 @@ _CHANCE = frozenset({SkillStatus.DONE, SkillStatus.GRASP_MISSED, SkillStatus.DRO
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """A run's seed, and how much patience it has.
+    """A run's seed, budgets and decision thresholds.
 
-    "Again" and "wait" count looks beyond the first one after an action; `max_retries` counts tries beyond the first one
-    of a step.
+    `max_looks_again` and `precondition_wait` count looks beyond the first one after an action; `max_retries` counts
+    tries beyond the first one of a step.
     """
 
     seed: int = 0
@@ -27,9 +27,9 @@ class Settings:
     """Wall seconds, all processes of the run together."""
     max_retries: int = 2
     max_failures: int = 10
-    """How often one step may fail while the known facts that bear on it stay the same, before that counts as going in
-    circles; where trying again cannot help much (no path, unreachable, not there), two more than `max_retries` are
-    enough. So many more, and it does not matter what was known."""
+    """How often one step may fail with the same relevant facts before it is given up on; `max_retries` + 2 where
+    another try rarely helps (no path, unreachable, not there). `max_retries` + 2 more are too many whatever was known.
+    """
     max_looks_again: int = 3
     """Enough to look closer, and then twice with the arm further out of the way."""
     max_questions: int = 32
@@ -55,13 +55,13 @@ class Settings:
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
 
-    def tolerated(self, status: SkillStatus) -> int:
-        """How many failures of one step while what bears on it stays the same are too many; one, where a thing is
+    def max_failures_with_same_facts(self, status: SkillStatus) -> int:
+        """Return how many failures of one step with the same relevant facts are too many; one, where an object is
         larger than what it is to be put on."""
         if status is SkillStatus.DOES_NOT_FIT:
             return 1
         return self.max_failures if status in _CHANCE else min(self.max_failures, self.max_retries + 2)
 
-    def bearable(self, status: SkillStatus) -> int:
-        """How many failures of one step are too many, whatever was known."""
-        return self.tolerated(status) + self.max_retries + 2
+    def max_failures_ever(self, status: SkillStatus) -> int:
+        """Return how many failures of one step are too many, whatever was known."""
+        return self.max_failures_with_same_facts(status) + self.max_retries + 2

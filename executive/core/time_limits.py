@@ -1,10 +1,9 @@
-"""Parts that do not come to an end are ended, with the processes that they have started.
+"""Time limits: wrappers that end an estimator, a planner or a skill that takes too long, with its processes.
 
-Each of these stands between the executive and an estimator, a planner or a skill, keeps its shape, and says of one that
-took too long what is said of one that failed: no answer, no plan in time, a skill that timed out. A skill is asked to
-stop first, and a planner told how long it has. In any other thread than the main one nothing can be interrupted; there
-a part is only asked. Besides the patience with each part there is what is `left` of the run's own time; whichever is
-less counts.
+Each wrapper has the interface of what it wraps, and returns what stands for a failure when the time is up: no answer,
+a planner that timed out, a skill that timed out. A skill is asked to stop first, and a planner is given its limit. Only
+the main thread can be interrupted; in any other thread a part is only asked. The limit is the patience with the part or
+what is `left` of the run's time, whichever is less.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from executive.types import (
     SkillStatus,
     Step,
 )
-from executive.util.timeout import LateError, within
+from executive.util.timeout import TimeLimitError, within
 
 GRACE = 5.0
 """Wall seconds that a skill has to stop the arm once it is asked to."""
@@ -41,33 +40,34 @@ _LAST_WORD = 0.25
 """Wall seconds that a planner which keeps to its time has to say so."""
 
 Left: TypeAlias = "Callable[[], float]"
-"""How many wall seconds of a run's time are left."""
+"""Returns the wall seconds that are left of a run's time."""
 
 
 def _endless() -> float:
     return math.inf
 
 
-def punctual_estimator(estimator: Estimator, seconds: float, left: Left = _endless) -> Estimator:
-    """The estimator, which has no answer once a look has taken it so many wall seconds."""
+def limit_estimator(estimator: Estimator, seconds: float, left: Left = _endless) -> Estimator:
+    """Return the estimator with a limit in wall seconds for each look; after it, no atom is answered."""
     asking: object = estimator  # whether it asks in words is for the running program to find out
     return (_AskingEstimator if isinstance(asking, Asking) else _Estimator)(estimator, seconds, left)
 
 
-def punctual_planner(planner: Planner, seconds: float) -> Planner:
-    """The planner, which has timed out once it was asked for so many wall seconds."""
+def limit_planner(planner: Planner, seconds: float) -> Planner:
+    """Return the planner with a limit in wall seconds for each plan; after it, it has timed out."""
     return _Planner(planner, seconds)
 
 
-def punctual_skills(
+def limit_skills(
     skills: Mapping[str, Skill], seconds: float, grace: float = GRACE, left: Left = _endless
 ) -> dict[str, Skill]:
-    """The skills, which are asked to stop after so many wall seconds, and ended if they do not, and have timed out."""
+    """Return the skills with a limit in wall seconds for each step; after it, a skill is asked to stop, `grace` seconds
+    later it is ended, and it has timed out."""
     return {action: _Skill(skill, seconds, grace, left) for action, skill in skills.items()}
 
 
-def punctual_preparing(parts: Sequence[Preparing], left: Left) -> list[Preparing]:
-    """The parts, which are no longer made ready once the run has no time left."""
+def limit_preparing(parts: Sequence[Preparing], left: Left) -> list[Preparing]:
+    """Return the parts; their preparation ends when the run has no time left."""
     return [_Preparing(part, left) for part in parts]
 
 
@@ -76,7 +76,7 @@ class _Preparing:
         self._part, self._left = part, left
 
     def prepare(self, tell: Tell) -> None:
-        with suppress(LateError):  # the run is over, and the loop says so
+        with suppress(TimeLimitError):  # the run is over, and the loop says so
             within(self._left(), lambda: self._part.prepare(tell))
 
 
@@ -92,7 +92,7 @@ class _Estimator:
         try:
             limit = min(self._seconds, self._left())
             return within(limit, lambda: self._estimator.estimate(observation, atoms))
-        except LateError as late:
+        except TimeLimitError as late:
             why = (Evidence(tuple(observation.images), 0.0, 0.0, f"no answer: it took {late}"),)
             return Belief(observation.id, {}, frozenset(atoms), self.name, dict.fromkeys(atoms, why))
 
@@ -115,7 +115,7 @@ class _Planner:
         limit = min(self._seconds, seconds)
         try:
             return within(limit + _LAST_WORD, lambda: self._planner.plan(state, goal, avoid, limit))
-        except LateError as late:
+        except TimeLimitError as late:
             return NoPlan(NoPlanReason.TIMED_OUT, f"it took {late}, and was ended", "", limit)
 
 
@@ -129,7 +129,7 @@ class _Skill:
         asked = replace(context, cancelled=lambda: context.cancelled() or time.monotonic() >= until)
         try:
             result = within(limit + self._grace, lambda: self._skill(step, asked))
-        except LateError as late:
+        except TimeLimitError as late:
             return SkillResult(
                 step, SkillStatus.TIMED_OUT, f"it took {late}, did not stop when asked to, and was ended"
             )

@@ -13,7 +13,7 @@ NONE: Mapping[str, str] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A way to break things.
+    """A kind of fault.
 
     Attributes:
         description: what happens.
@@ -22,8 +22,8 @@ class Kind:
         ways: the words that say how exactly, each with what it means. Where `way` is empty, one has to be given.
         way: what is meant when no such word is given.
         keys: the arguments that it takes beside `p`, each with what it means to it.
-        lasting: it does not strike at one moment of an action but lasts, from the action's dispatch to the next one's;
-            so it can be there before the first action, too (action 0).
+        lasting: the fault does not strike at one moment of an action but lasts from the action's dispatch to the next
+            one's; so it can be there before the first action, too (action 0).
     """
 
     description: str
@@ -36,14 +36,14 @@ class Kind:
 
 
 _ACTIONS = {"item": "only in actions that name it"}
-_BY_SOMEONE: Mapping[str, str] = MappingProxyType(
+_WHEN_DISTURBED: Mapping[str, str] = MappingProxyType(
     {"after": "after the action, before the robot looks", "before": "once the action is decided upon"}
 )
 _TIMES = {"times": "at most so often in one action"}
 
 
-def _by_someone(description: str, example: str, keys: Mapping[str, str]) -> Kind:
-    return Kind(description, "around an action", example, _BY_SOMEONE, "after", keys)
+def _disturbance(description: str, example: str, keys: Mapping[str, str]) -> Kind:
+    return Kind(description, "around an action", example, _WHEN_DISTURBED, "after", keys)
 
 
 KINDS: Mapping[str, Kind] = MappingProxyType(
@@ -54,7 +54,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             "drop@4",
             MappingProxyType(
                 {
-                    "transfer": "somewhere in the middle half of the first transfer",
+                    "transfer": "at a random time in the middle half of the first transfer",
                     "grasp": "as the item leaves its place",
                     "release": "while the item is lowered, before it stands",
                 }
@@ -65,22 +65,24 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "miss": Kind("the next grasp closes beside its item", "before the action", "miss@3", keys=_ACTIONS),
         "slip": Kind(
             "what is carried turns and slides in the grip, and is held on",
-            "somewhere in the middle half of the first transfer",
+            "at a random time in the middle half of the first transfer",
             "slip:p=0.2",
             keys=_ACTIONS,
         ),
-        "shove": _by_someone(
+        "shove": _disturbance(
             "someone moves an item to another place",
             "shove:item=lemon,table=white-table@3",
             {"item": "the one moved", "table": "where to"},
         ),
-        "take": _by_someone("someone takes an item away for good", "take:item=lemon@2", {"item": "the one taken"}),
-        "swap": _by_someone(
+        "take": _disturbance("someone takes an item away for good", "take:item=lemon@2", {"item": "the one taken"}),
+        "swap": _disturbance(
             "someone swaps two items", "swap:item=lemon,with=soda-can@2", {"item": "the one", "with": "the other"}
         ),
-        "tip": _by_someone("an item is tipped over, and lies", "tip:item=cereal-box@1", {"item": "the one that falls"}),
-        "push": _by_someone("an item is pushed to the floor", "push:item=lemon@2", {"item": "the one pushed"}),
-        "block": _by_someone(
+        "tip": _disturbance(
+            "an item is tipped over, and lies", "tip:item=cereal-box@1", {"item": "the one that falls"}
+        ),
+        "push": _disturbance("an item is pushed to the floor", "push:item=lemon@2", {"item": "the one pushed"}),
+        "block": _disturbance(
             "someone puts boxes wherever there is room on a table", "block:table=white-table@1", {"table": "which"}
         ),
         "no-effect": Kind(
@@ -89,13 +91,13 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             "no-effect:p=0.2",
             keys=_ACTIONS,
         ),
-        "exogenous": _by_someone(
+        "exogenous": _disturbance(
             "another agent carries out an action that is possible (in the symbolic world)",
             "exogenous:p=0.1",
             {"item": "an object that the action is about"},
         ),
         "camera": Kind(
-            "a camera (`camera:NAME=...`) or all of them show what is not there",
+            "the pictures of one camera (`camera:NAME=...`) or of all are degraded",
             "in every look",
             "camera:front=black@5-8",
             MappingProxyType(
@@ -113,7 +115,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             lasting=True,
         ),
         "estimator": Kind(
-            "whoever says what is true is silent, wrong or slow",
+            "the estimator does not answer, answers wrongly or answers late",
             "in every look",
             "estimator:wrong,item=lemon@2",
             MappingProxyType(
@@ -126,7 +128,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             keys={
                 "item": "only about atoms that name it",
                 "share": "wrong: only of this share of atoms, drawn at every look",
-                "seconds": "slow: by how many of the clock on the wall (2)",
+                "seconds": "slow: by how many wall seconds (2)",
                 **_TIMES,
             },
             lasting=True,
@@ -141,7 +143,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         ),
         "motion": Kind("the motion planner finds nothing", "in the action", "motion@3", keys=_ACTIONS),
         "skill": Kind(
-            "the skill itself fails its duty",
+            "the skill hangs or raises an exception",
             "in the action",
             "skill:hang@3",
             MappingProxyType({"hang": "it never ends by itself", "raise": "it raises an exception"}),
@@ -157,4 +159,4 @@ SYMBOLIC = ("no-effect", "exogenous")
 and one of its parts."""
 
 BY_SOMEONE = ("shove", "take", "swap", "tip", "push", "block", "exogenous")
-"""Those that somebody does who goes about in the robot's world."""
+"""Disturbances: faults in which someone changes the robot's world."""

@@ -118,7 +118,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """An atom that was a reason for a decision, as it was then: its expected value (None: no expectation), its believed
+    """The state of an atom that a decision depended on: its expected value (None: no expectation), its believed
     value (None: unknown), its probability if there was one, and the last observation in which it was asked about, with
     the cameras (-1 and none without such an observation)."""
 

@@ -57,11 +57,11 @@ OFF_SCREEN = ("egl", "osmesa")
 _ON_SCREEN = {"linux": ("glfw", "glx", "on", "enable", "enabled", "true", "1"), "darwin": ("cgl", "glfw", "")}
 """What else MuJoCo takes, where there is a screen."""
 
-_STEERING = (
+_DRIVER_VARIABLES = (
     *("GALLIUM_DRIVER", "MESA_LOADER_DRIVER_OVERRIDE", "LIBGL_DRIVERS_PATH", "LIBGL_ALWAYS_SOFTWARE"),
     *("__EGL_VENDOR_LIBRARY_FILENAMES", "__EGL_VENDOR_LIBRARY_DIRS", "EGL_PLATFORM", "__GLX_VENDOR_LIBRARY_NAME"),
 )
-"""What else leads OpenGL astray where it is set to something that is not there."""
+"""Other variables that select an OpenGL driver; one that names what is not there is the user's mistake."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def require(simulator: bool = True) -> None:
         MissingError: names everything that is missing, with one command for all of it.
     """
     if simulator:
-        settle_renderer()
+        choose_renderer()
     missing = check() if simulator else missing_packages(EVERYWHERE)
     if missing:
         commands = dict.fromkeys(entry.command for entry in missing)
@@ -107,7 +107,7 @@ def check() -> list[Missing]:
 
 
 def wrong_system(name: str, python: Sequence[int]) -> Missing | None:
-    """Whether the operating system (as in `sys.platform`) or the Python (major, minor) is one that cannot work."""
+    """Return what is wrong with the operating system (as in `sys.platform`) or the Python version (major, minor)."""
     if name == "win32":
         return Missing(
             "Executive does not run on Windows itself (ompl has no wheel there), but in WSL2", "wsl --install"
@@ -151,9 +151,9 @@ def missing_parts() -> Iterator[Missing]:
             yield Missing(f"{what} is missing ({file})", _pip("--force-reinstall --no-deps", PACKAGES[module]))
 
 
-def settle_renderer() -> str:
-    """What MuJoCo draws with, as it is called in `MUJOCO_GL`, which is set to it: off screen where nothing is said. To
-    be asked before MuJoCo is imported, which takes what it says there for good.
+def choose_renderer() -> str:
+    """Choose MuJoCo's renderer, set `MUJOCO_GL` to it and return it: off screen unless the variable says otherwise. It
+    must be called before MuJoCo is imported, which reads the variable once.
 
     Raises:
         InputError: this variable, or another that goes with it, says what cannot be; its name is the error's key.
@@ -188,9 +188,9 @@ def has_display(environment: Mapping[str, str] = os.environ, system: str = sys.p
 
 
 def cannot_draw(why: str) -> ExecutiveError:
-    """What to raise where nothing can be drawn, and why: what to install, unless an environment variable may be what
-    leads OpenGL astray."""
-    blamed = [name for name in (DEVICE, *_STEERING) if os.environ.get(name)]
+    """Return the error for a machine that cannot render: what to install, or the environment variables that may have
+    selected a wrong driver."""
+    blamed = [name for name in (DEVICE, *_DRIVER_VARIABLES) if os.environ.get(name)]
     renderer = os.environ.get(RENDERER, "")
     if renderer not in ("", *OFF_SCREEN):
         blamed.append(RENDERER)
@@ -206,10 +206,10 @@ def missing_libraries() -> list[Missing]:
     """The system libraries that cannot be loaded (Linux).
 
     Raises:
-        InputError: an environment variable has what draws be what it cannot be.
+        InputError: an environment variable selects a renderer that cannot work.
     """
     missing = {library: package for library, package in LIBRARIES.items() if not _loads(library)}
-    renderer = settle_renderer()
+    renderer = choose_renderer()
     if renderer == "egl":
         trouble = egl_trouble()
         if trouble is not None:
@@ -222,12 +222,12 @@ def missing_libraries() -> list[Missing]:
 
 
 def egl_trouble() -> str | None:
-    """Why EGL cannot render off screen on any device, or None when it can.
+    """Return why EGL cannot render off screen on any device, or None when it can.
 
     The same calls as MuJoCo's own EGL context makes (EGL_EXT_device_enumeration, EGL_EXT_platform_device).
 
     Raises:
-        InputError: the environment names a device that there is not, or leads EGL to where there is nothing.
+        InputError: an environment variable names a device or a driver that does not exist.
     """
     os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # what Mesa would print is said here, in one line
     keep_triton_apart()
@@ -269,7 +269,7 @@ def _chosen(devices: Sequence[int | None]) -> Sequence[int | None]:
 
 
 def cuda_devices() -> list[str]:
-    """The names of the CUDA devices that the driver knows, whatever torch makes of them."""
+    """Return the names of the driver's CUDA devices, whether or not torch can use them."""
     try:
         driver = ctypes.CDLL("libcuda.so.1")
     except OSError:

@@ -24,15 +24,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-SUMS, DRAWING, COMPILED = "OMP_NUM_THREADS", "LP_NUM_THREADS", "NUMBA_NUM_THREADS"
-WAITING, SPINNING = "OMP_WAIT_POLICY", "GOMP_SPINCOUNT"
+OPENMP_THREADS, RENDERING_THREADS, NUMBA_THREADS = "OMP_NUM_THREADS", "LP_NUM_THREADS", "NUMBA_NUM_THREADS"
+WAIT_POLICY, SPIN_COUNT = "OMP_WAIT_POLICY", "GOMP_SPINCOUNT"
 
-_WAITING = {WAITING: "PASSIVE", SPINNING: "1000"}
-"""What holds for any OpenMP, and what for GNU's, which torch's wheels have, goes before it: turns of a loop, about ten
-microseconds."""
+_WAIT_SETTINGS = {WAIT_POLICY: "PASSIVE", SPIN_COUNT: "1000"}
+"""The policy for any OpenMP, and the spin count for GNU's, which torch's wheels have and which takes precedence there:
+iterations of a loop, about ten microseconds."""
 
-_ALL_WAITING = (*_WAITING, "KMP_BLOCKTIME")
-"""The variables by which a user may have set how threads wait."""
+_WAIT_VARIABLES = (*_WAIT_SETTINGS, "KMP_BLOCKTIME")
+"""The variables by which a user may set how threads wait."""
 
 _PROC, _CPUS = Path("/proc/self"), Path("/sys/devices/system/cpu")
 
@@ -41,15 +41,15 @@ _decided: dict[str, str] = {}
 
 
 def cores() -> int:
-    """The cores that this process may use: those that it is not kept from, and no more than its share of their time
-    (the quota of a control group, as containers have it) comes to, rounded up."""
+    """Return how many cores this process may use: those of its affinity mask, and no more than its quota of CPU time
+    (of its control group, as in a container), rounded up."""
     allowed = len(_allowed())
     time = quota(_PROC)
     return allowed if time is None else max(1, min(allowed, math.ceil(time)))
 
 
 def quota(process: Path) -> float | None:
-    """How many cores' time the control groups of a process grant it, or None where they set no limit.
+    """Return the CPU time quota of a process's control groups, in cores, or None where they set no limit.
 
     Args:
         process: its folder in /proc.
@@ -69,21 +69,25 @@ def quota(process: Path) -> float | None:
 
 
 def settings() -> dict[str, tuple[str, bool]]:
-    """The variables that hold in this process, each with its value and whether it is the user's own."""
-    names = (SUMS, "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", *_ALL_WAITING, DRAWING, COMPILED)
+    """Return the environment variables that apply to this process, each with its value and whether the user set it."""
+    computing = (OPENMP_THREADS, "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+    names = (*computing, *_WAIT_VARIABLES, RENDERING_THREADS, NUMBA_THREADS)
     return {name: (os.environ[name], not _is_ours(name)) for name in names if name in os.environ}
 
 
 @contextmanager
 def shared_by(workers: int, alone: bool = False) -> Iterator[None]:
-    """Have processes that are spawned meanwhile share the cores: each takes its part of them, one at least.
+    """Divide the cores among processes that are spawned meanwhile, at least one for each.
 
     Args:
         workers: how many there will be at the same time.
-        alone: each does its sums on one thread, however many workers there are: then their number changes no sum.
+        alone: each does its arithmetic on one thread, however many workers there are, so that their number changes no
+            rounding.
     """
-    before = {name: os.environ.get(name) for name in (SUMS, DRAWING, COMPILED, *_WAITING)}
-    wanted = _wanted(workers) | ({SUMS: "1"} if alone else {})
+    before = {
+        name: os.environ.get(name) for name in (OPENMP_THREADS, RENDERING_THREADS, NUMBA_THREADS, *_WAIT_SETTINGS)
+    }
+    wanted = _wanted(workers) | ({OPENMP_THREADS: "1"} if alone else {})
     os.environ.update({name: value for name, value in wanted.items() if before[name] is None or _is_ours(name)})
     try:
         yield
@@ -98,19 +102,19 @@ def shared_by(workers: int, alone: bool = False) -> Iterator[None]:
 def _set_environment() -> None:
     """Set the variables that the user has not set."""
     for name, value in _wanted(1).items():
-        loaded = name == COMPILED and "numba" in sys.modules  # which takes another number ill once it has begun
+        loaded = name == NUMBA_THREADS and "numba" in sys.modules  # which refuses another number once it has begun
         if name not in os.environ and not loaded:
             os.environ[name] = _decided[name] = value
-    if {"numpy", "torch"} & sys.modules.keys() and cores() < len(_allowed()) and _is_ours(SUMS):
-        lower(cores())
+    if {"numpy", "torch"} & sys.modules.keys() and cores() < len(_allowed()) and _is_ours(OPENMP_THREADS):
+        limit_loaded(cores())
 
 
 def _wanted(workers: int) -> dict[str, str]:
     each = max(1, cores() // workers)
-    sums = max(1, min(_full_cores(), cores()) // workers)
-    wanted = {SUMS: str(sums), DRAWING: str(each), COMPILED: str(each)}
-    users = any(name in os.environ and not _is_ours(name) for name in _ALL_WAITING)
-    return wanted if users else wanted | _WAITING
+    arithmetic = max(1, min(_full_cores(), cores()) // workers)
+    wanted = {OPENMP_THREADS: str(arithmetic), RENDERING_THREADS: str(each), NUMBA_THREADS: str(each)}
+    users = any(name in os.environ and not _is_ours(name) for name in _WAIT_VARIABLES)
+    return wanted if users else wanted | _WAIT_SETTINGS
 
 
 def _is_ours(name: str) -> bool:
@@ -124,7 +128,7 @@ def _allowed() -> set[int]:
 
 
 def _full_cores() -> int:
-    """The allowed cores, two that share their arithmetic (hyper-threads) counted as one, as MKL does."""
+    """Return the number of allowed physical cores: hyper-threads of one core count once, as in MKL."""
     siblings = []
     with suppress(OSError):
         siblings = [(_CPUS / f"cpu{each}/topology/thread_siblings_list").read_text() for each in _allowed()]
@@ -132,7 +136,7 @@ def _full_cores() -> int:
 
 
 def _limits(mount: Path, path: str) -> Iterator[float]:
-    """What each group from this one upwards is granted, in cores' time."""
+    """Yield the quotas of this control group and of those above it, in cores."""
     group = mount if path.startswith("..") else mount / path  # inside of a container, its group may be the mount
     for folder in (group, *group.parents):
         if not folder.is_relative_to(mount):
@@ -144,7 +148,7 @@ def _limits(mount: Path, path: str) -> Iterator[float]:
                     yield int(granted) / int(period)
 
 
-def lower(most: int) -> None:
+def limit_loaded(most: int) -> None:
     """Limit libraries that are already loaded to so many threads."""
     from threadpoolctl import ThreadpoolController
 

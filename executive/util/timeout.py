@@ -22,7 +22,7 @@ _SIGNAL = signal.SIGUSR2
 _T = TypeVar("_T")
 
 
-class LateError(Exception):
+class TimeLimitError(Exception):
     """Work exceeded its time limit and was ended."""
 
 
@@ -30,8 +30,8 @@ def within(seconds: float, work: Callable[[], _T]) -> _T:
     """Call `work` and return its result.
 
     Raises:
-        LateError: it took longer than so many wall seconds. What it was doing was ended, and so was every process that
-            it had started.
+        TimeLimitError: it took longer than so many wall seconds. What it was doing was ended, and so was every process
+            that it had started.
     """
     if threading.current_thread() is not threading.main_thread():
         return work()
@@ -47,11 +47,11 @@ def within(seconds: float, work: Callable[[], _T]) -> _T:
             raise
         for child in _children() - before:
             _end(child)
-        raise LateError(f"more than {round(seconds, 2):g} s") from None
+        raise TimeLimitError(f"more than {round(seconds, 2):g} s") from None
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
+def uninterrupted() -> Iterator[None]:
     """Keep the block from being interrupted: it is short and must not be left half done."""
     global _busy
     _busy += 1

@@ -9,7 +9,7 @@ not part of the record.
 A decision and the end have their reasons as codes with parameters (`causes`) and in words (`reason`). Records from
 before there were codes have the words alone, and are read with the code `recorded`.
 
-What only pleases the eye (`Scenery`, `Frame`) is not recorded here, and of a motion at most `MOTION_POINTS` points.
+What is for display alone (`Scenery`, `Frame`) is not recorded here, and of a motion at most `MOTION_POINTS` points.
 """
 
 from __future__ import annotations

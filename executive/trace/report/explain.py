@@ -1,4 +1,4 @@
-"""The story of a run in plain sentences, made from its events alone: what was done, seen, decided, and why.
+"""A run explained in sentences, from its events alone: what was done, seen and decided, and why.
 
 A cycle in which all went as expected is one line. Of any other, and of one that is asked for, everything is told that a
 decision rested on: the atoms, what was expected of them, how probable they were, which pictures showed it, and what the

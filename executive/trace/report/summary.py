@@ -1,4 +1,4 @@
-"""What a run came to: `summary.json`, and the same for a person to read."""
+"""The summary of a run: `summary.json`, and the same for a person to read."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """What has happened so far: the one fold over a run's events, which terminal, viewer, reports and scores are made from.
 
-Nothing here is asked by whoever decides. The plan's marks follow from the events alone: a step is current from its
+No decision uses it. The plan's marks follow from the events alone: a step is current from its
 dispatch on, failed when its skill or a look says so, done when its effects were seen (or, for an executive that does
 not look, when it went on), and what a new plan leaves of the old one is dropped.
 """

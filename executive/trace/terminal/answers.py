@@ -1,4 +1,4 @@
-"""What an eye answered about one look, as a table: on a terminal drawn and in colour, elsewhere as plain lines."""
+"""An estimator's answers about one look, as a table: in colour on a terminal, elsewhere as plain lines."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ def _scene(cameras: Sequence[Camera]) -> rrb.Spatial3DView:
 def viewpoint(cameras: Sequence[Camera]) -> tuple[FloatArray, FloatArray]:
     """Where to look from and at, both (3,) in m: at what the cameras look at, from beside and above the first one.
 
-    Whoever placed the cameras knew where the action is; their optical axes meet there.
+    Cameras are placed to show where the action is; their optical axes meet there.
     """
     positions = np.array([camera.pose[:3] for camera in cameras])
     axes = np.array([_forward(camera) for camera in cameras])

@@ -100,7 +100,7 @@ class RerunSink:
             path.touch()
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror})", file=path) from None
-        # A file grows by a kilobyte with each piece that is written; whoever looks on does not want to wait for more.
+        # A file grows by a kilobyte with each piece that is written; a live viewer should not have to wait for more.
         pieces = rr.ChunkBatcherConfig.DEFAULT()
         pieces.flush_tick = _TICK_LIVE if viewer else _TICK
         name = legible(path.parent.resolve().name)

@@ -107,7 +107,7 @@ def test_what_draws_is_written_as_mujoco_and_opengl_read_it(said: str, binding: 
     written = binding.replace("same", renderer).replace("SAME", renderer.upper())
     blank.setenv(requirements.RENDERER, said)
     blank.setenv(requirements.BINDING, written)
-    assert requirements.settle_renderer() == renderer
+    assert requirements.choose_renderer() == renderer
     assert os.environ[requirements.RENDERER] == renderer
     assert os.environ[requirements.BINDING] == written.strip().lower()
 

@@ -32,7 +32,7 @@ def answers(facts: Mapping[Atom, bool], wrong: frozenset[Atom] = frozenset(), lo
     return Belief(look, {atom: float(value != (atom in wrong)) for atom, value in facts.items()}, source="scripted")
 
 
-class Turn(NamedTuple):
+class StepOutcome(NamedTuple):
     """An action, what its skill says, and what is so afterwards."""
 
     step: Step | None
@@ -40,10 +40,10 @@ class Turn(NamedTuple):
     facts: Facts
 
 
-def story(rng: random.Random, length: int) -> Iterator[Turn]:
+def story(rng: random.Random, length: int) -> Iterator[StepOutcome]:
     """A first moment and what follows: actions that mostly work, and now and then someone who moves a thing."""
     where = {thing: rng.choice(PLACES) for thing in THINGS}
-    yield Turn(None, None, truth(where))
+    yield StepOutcome(None, None, truth(where))
     for _ in range(length):
         thing = next((thing for thing in THINGS if where[thing] == HAND), "")
         if not thing and not (lying := [thing for thing in THINGS if where[thing] != FLOOR]):
@@ -64,4 +64,4 @@ def story(rng: random.Random, length: int) -> Iterator[Turn]:
         if rng.random() < 0.05:
             other = rng.choice([other for other in THINGS if where[other] != HAND])
             where[other] = rng.choice(PLACES)
-        yield Turn(step, SkillResult(step, status), truth(where))
+        yield StepOutcome(step, SkillResult(step, status), truth(where))

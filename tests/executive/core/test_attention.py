@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.core.attention import Attention, alike, questions, useless
+from executive.core.attention import Attention, questions, same_view, uninformative
 from executive.types import Atom, Image, PictureFault
 from tests.fakes import FREE, WATCHED, at, held, pick, put
 
@@ -91,16 +91,16 @@ BLACK = np.zeros((8, 8, 3), dtype=np.uint8)
 def test_a_picture_of_one_colour_tells_nothing() -> None:
     grey = np.full((8, 8, 3), 127, dtype=np.uint8)
     dim = grey + np.arange(8, dtype=np.uint8)[:, None, None] * 2
-    assert useless({"a": BLACK, "b": grey, "c": dim}, {}) == {"a": PictureFault.PLAIN, "b": PictureFault.PLAIN}
+    assert uninformative({"a": BLACK, "b": grey, "c": dim}, {}) == {"a": PictureFault.PLAIN, "b": PictureFault.PLAIN}
 
 
 def test_the_same_picture_once_more_is_frozen_until_it_changes() -> None:
     before = {"a": picture(1), "b": picture(2)}
     now = {"a": before["a"].copy(), "b": before["b"] ^ np.uint8(1), "c": picture(3)}
-    assert useless(now, before) == {"a": PictureFault.FROZEN}
-    assert useless(now, {}) == {}, "nothing to hold it against"
-    assert useless({"a": picture(5)}, before) == {}
-    assert useless({"a": BLACK}, {"a": BLACK}) == {"a": PictureFault.PLAIN}
+    assert uninformative(now, before) == {"a": PictureFault.FROZEN}
+    assert uninformative(now, {}) == {}, "nothing to hold it against"
+    assert uninformative({"a": picture(5)}, before) == {}
+    assert uninformative({"a": BLACK}, {"a": BLACK}) == {"a": PictureFault.PLAIN}
 
 
 @given(st.integers(0, 99), st.integers(1, 40), st.integers(1, 40))
@@ -108,11 +108,11 @@ def test_noise_makes_no_other_picture_and_what_is_moved_does(seed: int, height: 
     chance = np.random.default_rng(seed)
     one = np.full((height, width, 3), 100, dtype=np.uint8)
     noisy = one ^ chance.integers(0, 2, one.shape, dtype=np.uint8)
-    assert alike({"a": one}, {"a": noisy})
-    assert not alike({"a": one}, {"b": one})
-    assert not alike({"a": one}, {"a": one, "b": one})
-    assert not alike({"a": one}, {"a": one[1:]})
+    assert same_view({"a": one}, {"a": noisy})
+    assert not same_view({"a": one}, {"b": one})
+    assert not same_view({"a": one}, {"a": one, "b": one})
+    assert not same_view({"a": one}, {"a": one[1:]})
     moved = one.copy()
     row, column = int(chance.integers(height)), int(chance.integers(width))
     moved[row : row + 3, column : column + 3] = 0
-    assert alike({"a": one}, {"a": moved}) == (one.size > 0 and np.array_equal(one, moved))
+    assert same_view({"a": one}, {"a": moved}) == (one.size > 0 and np.array_equal(one, moved))

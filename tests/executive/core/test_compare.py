@@ -7,7 +7,7 @@ from itertools import product
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.core.compare import compare, outlook, progress, reaches, remaining
+from executive.core.compare import compare, progress, reaches, remaining, remaining_plan
 from executive.types import Atom, Condition, Effect, Facts, Plan, Step
 from tests.fakes import FREE, FakePlanner, at, held, pick, put, steps_of, task
 
@@ -68,7 +68,7 @@ def test_a_plan_hangs_on_the_atoms_without_which_it_is_open_whether_it_goes_thro
     wanted = Condition.of(goal)
     if not reaches(some, state, wanted):
         return
-    view = outlook(pick("a", "p"), some, state, wanted, surprised=False)
+    view = remaining_plan(pick("a", "p"), some, state, wanted, surprised=False)
     assert view.needed == {atom for atom in state if not reaches(some, state.without([atom]), wanted)}
     assert reaches(some, state.only(view.needed), wanted)
 
@@ -121,7 +121,7 @@ def test_what_is_told_of_a_plan_in_a_partial_state_holds_of_all_that_it_may_be(
 
 @given(formulas, complete, general, partial)
 def test_what_a_plan_hangs_on_is_enough_to_know(some: list[Step], state: Facts, goal: Condition, seen: Facts) -> None:
-    view = outlook(pick("a", "p"), some, state, goal, surprised=True, seen=state.only(seen))
+    view = remaining_plan(pick("a", "p"), some, state, goal, surprised=True, seen=state.only(seen))
     if view.rest is not None:
         left = [some[position] for position in view.rest]
         assert reaches(left, state.only({*view.needed, *seen}), goal)
@@ -153,15 +153,15 @@ def test_helpful_changes_leave_out_exactly_what_they_did() -> None:
 def test_only_a_surprise_is_an_occasion_to_leave_out_steps() -> None:
     detour = [pick("a", "q"), put("a", "q")]
     there = Facts.closed({at("a", "q"), at("b", "r"), FREE}, THINGS.atoms)
-    assert outlook(put("b", "r"), detour, there, THINGS.goal, surprised=False).rest == (0, 1)
-    assert outlook(put("b", "r"), detour, there, THINGS.goal, surprised=True).rest == ()
+    assert remaining_plan(put("b", "r"), detour, there, THINGS.goal, surprised=False).rest == (0, 1)
+    assert remaining_plan(put("b", "r"), detour, there, THINGS.goal, surprised=True).rest == ()
 
 
 def test_the_outlook_names_what_it_hangs_on_and_whether_to_try_again() -> None:
     start = Facts.closed({at("a", "p"), at("b", "r"), FREE}, THINGS.atoms)
-    missed = outlook(pick("a", "p"), [put("a", "q")], start, THINGS.goal, surprised=True)
+    missed = remaining_plan(pick("a", "p"), [put("a", "q")], start, THINGS.goal, surprised=True)
     assert missed.rest is None
     assert missed.repeatable
     assert missed.needed == {held("a"), at("b", "r")}
     gone = Facts.closed({at("b", "r"), FREE}, THINGS.atoms)
-    assert not outlook(pick("a", "p"), [put("a", "q")], gone, THINGS.goal, surprised=True).repeatable
+    assert not remaining_plan(pick("a", "p"), [put("a", "q")], gone, THINGS.goal, surprised=True).repeatable

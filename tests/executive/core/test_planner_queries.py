@@ -8,7 +8,7 @@ import pytest
 
 from executive.belief import ThresholdMonitor
 from executive.core.planner_queries import PlannerQueries
-from executive.core.run_state import Leeway, RunState, Stuck
+from executive.core.run_state import RunState, Stuck, StuckSteps
 from executive.core.session import Session
 from executive.types import ALWAYS, Condition, Facts, NoPlan, NoPlanReason, Plan, Probed, Step
 from tests.fakes import FREE, FakePlanner, FakeWorld, Recorder, at, pick, put, steps_of, task
@@ -74,7 +74,7 @@ def test_a_step_is_tried_in_other_circumstances_only_where_nothing_else_is_left(
     asking = Asking({put("a", "q"): once, put("b", "r"): once})
     kept, _, hangs = asking.queries.largest(asking.run_state)
     assert (kept, hangs) == (TASK.goal, False)
-    assert isinstance(asking.queries.probe(asking.run_state, TASK.goal, Leeway.NONE), NoPlan)
+    assert isinstance(asking.queries.probe(asking.run_state, TASK.goal, StuckSteps.NEVER), NoPlan)
 
 
 def test_what_was_given_up_is_asked_for_part_by_part() -> None:

@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from executive.core import policy
-from executive.core.policy import Doubts, Dropped, Failures, Turn
+from executive.core.policy import Failures, GivenUp, StepOutcome, UncertainAtoms
 from executive.core.settings import Settings
 from executive.types import (
     ALWAYS,
@@ -48,8 +48,8 @@ def times(count: int) -> Failures:
     return Failures(count, count)
 
 
-def turn(status: SkillStatus = SkillStatus.DONE, **changes: object) -> Turn:
-    usual = Turn(
+def turn(status: SkillStatus = SkillStatus.DONE, **changes: object) -> StepOutcome:
+    usual = StepOutcome(
         STEP,
         SkillResult(STEP, status),
         EXPECTED,
@@ -140,8 +140,8 @@ def test_what_does_not_fit_is_not_tried_again() -> None:
 
 @pytest.mark.parametrize("status", [SkillStatus.GRASP_MISSED, SkillStatus.UNREACHABLE])
 def test_some_more_failures_are_too_many_whatever_was_known(status: SkillStatus) -> None:
-    most = SETTINGS.bearable(status)
-    assert most > SETTINGS.tolerated(status)
+    most = SETTINGS.max_failures_ever(status)
+    assert most > SETTINGS.max_failures_with_same_facts(status)
     elsewhere = [after(status, rest=None, repeatable=True, failures=Failures(1, ever)) for ever in (most - 1, most)]
     assert [decision.kind for decision in elsewhere] == [DecisionKind.RETRY, DecisionKind.GIVE_UP_GOAL]
     assert elsewhere[1].causes[-1] == Cause(Reason.FAILED_TOO_OFTEN, count=most)
@@ -189,7 +189,7 @@ atoms = st.frozensets(st.sampled_from(sorted(EXPECTED)))
 
 
 @st.composite
-def turns(draw: st.DrawFn) -> Turn:
+def turns(draw: st.DrawFn) -> StepOutcome:
     holds = draw(atoms)
     violated = draw(atoms) - holds
     planned = draw(st.integers(0, 3))
@@ -212,7 +212,7 @@ def turns(draw: st.DrawFn) -> Turn:
 @given(turns(), st.integers(0, 3), st.integers(0, 3), st.integers(1, 6))
 @example(turn(rest=None), 1, 1, 1)
 def test_every_turn_is_decided_within_its_budget_and_with_a_reason(
-    some: Turn, looks_again: int, retries: int, failures: int
+    some: StepOutcome, looks_again: int, retries: int, failures: int
 ) -> None:
     settings = Settings(max_looks_again=looks_again, max_retries=retries, max_failures=failures)
     decision = policy.after(some, settings)
@@ -223,7 +223,7 @@ def test_every_turn_is_decided_within_its_budget_and_with_a_reason(
         assert some.repeatable
         assert some.attempt <= retries
         assert some.failures.here < failures
-        assert some.failures.ever < settings.bearable(some.result.status)
+        assert some.failures.ever < settings.max_failures_ever(some.result.status)
     elif decision.kind is DecisionKind.CONTINUE:
         assert some.rest is not None
     elif decision.kind is DecisionKind.STOP:
@@ -298,7 +298,7 @@ def test_a_run_opens_with_all_that_can_be_seen() -> None:
 def unplanned(
     no_plan: NoPlan, times: int, unsure: tuple[Atom, ...] = (), doubts: tuple[Atom, ...] = (FREE,)
 ) -> Decision:
-    return policy.unplanned(no_plan, times, Doubts(doubts, unsure), SETTINGS)
+    return policy.unplanned(no_plan, times, UncertainAtoms(doubts, unsure), SETTINGS)
 
 
 @pytest.mark.parametrize(
@@ -333,7 +333,7 @@ GOAL = Condition.of({at("a", "q"): True, at("b", "r"): True})
 
 def test_success_is_a_goal_that_is_seen() -> None:
     def finish(verdict: Verdict, checks: int = 1, unsure: tuple[Atom, ...] = ()) -> Decision:
-        return policy.finish(GOAL, verdict, unsure, checks, Dropped(ALWAYS), SETTINGS)
+        return policy.finish(GOAL, verdict, unsure, checks, GivenUp(ALWAYS), SETTINGS)
 
     one, other = sorted(GOAL.facts)
     assert finish(Verdict(GOAL.atoms)).outcome is OutcomeKind.GOAL_REACHED
@@ -353,13 +353,13 @@ def test_success_is_a_goal_that_is_seen() -> None:
 def test_what_was_given_up_is_tried_again_or_named() -> None:
     verdict = Verdict(frozenset({at("a", "q")}))
     kept, dropped = Condition.literal(at("a", "q")), Condition.literal(at("b", "r"))
-    partial = policy.finish(kept, verdict, (), 1, Dropped(dropped, OUT_OF_REACH), SETTINGS)
+    partial = policy.finish(kept, verdict, (), 1, GivenUp(dropped, OUT_OF_REACH), SETTINGS)
     assert partial.outcome is OutcomeKind.PARTIAL
     assert partial.causes[1:] == (Cause(Reason.GIVEN_UP_BEFORE, literals=("at(b,r)",)), *OUT_OF_REACH)
     for checks in range(1, SETTINGS.max_looks_again + 1):
-        doubted = policy.finish(kept, verdict, (FREE,), checks, Dropped(dropped, OUT_OF_REACH), SETTINGS)
+        doubted = policy.finish(kept, verdict, (FREE,), checks, GivenUp(dropped, OUT_OF_REACH), SETTINGS)
         assert (doubted.kind, doubted.evidence) == (DecisionKind.LOOK_AGAIN, (FREE,))
-    again = policy.finish(kept, verdict, (), 1, Dropped(dropped, (), Plan((), 0.0, "", 0.0)), SETTINGS)
+    again = policy.finish(kept, verdict, (), 1, GivenUp(dropped, (), Plan((), 0.0, "", 0.0)), SETTINGS)
     assert (again.kind, again.codes[-1]) == (DecisionKind.REPLAN, Reason.REACHABLE_AGAIN)
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from executive.belief.threshold import ThresholdMonitor
-from executive.core.policy import Doubts
-from executive.core.run_state import Leeway, RunState
+from executive.core.policy import UncertainAtoms
+from executive.core.run_state import RunState, StuckSteps
 from executive.core.settings import Settings
 from executive.types import (
     Belief,
@@ -104,32 +104,32 @@ def test_a_step_that_comes_out_is_stuck_no_longer_and_its_failures_are_counted_a
     run_state = run_state.judged(run_state.turn(SkillResult(STEPS[0], SkillStatus.DONE)), CONTINUE)
     assert run_state.failing(STEPS[0], START) == (1, 1)
     assert run_state.failing(STEPS[2], START) == (2, 2)
-    assert run_state.hung_on(STEPS, START, Leeway.NONE) == {STEPS[2]}
+    assert run_state.stuck_among(STEPS, START, StuckSteps.NEVER) == {STEPS[2]}
 
 
 def test_a_plan_hangs_on_a_step_that_is_stuck_where_it_would_be_carried_out() -> None:
     run_state, first = looked(dispatched(planned()), START, 1), frozenset(STEPS[:1])
-    assert not run_state.failed(STEPS[0], START, REPLAN).hung_on(STEPS, START, Leeway.NONE)
+    assert not run_state.failed(STEPS[0], START, REPLAN).stuck_among(STEPS, START, StuckSteps.NEVER)
     stuck, later = run_state.failed(STEPS[0], START, GIVE_UP), (*STEPS[2:], *STEPS[:2])
-    assert not stuck.hung_on(STEPS[2:], START, Leeway.NONE)
+    assert not stuck.stuck_among(STEPS[2:], START, StuckSteps.NEVER)
     for plan in (STEPS, later):
-        assert stuck.hung_on(plan, START, Leeway.NONE) == first
-    assert stuck.hung_on(STEPS, START, Leeway.CHANGED) == first
-    assert not stuck.hung_on(later, START, Leeway.CHANGED), "b is not in the way any more by then"
+        assert stuck.stuck_among(plan, START, StuckSteps.NEVER) == first
+    assert stuck.stuck_among(STEPS, START, StuckSteps.IF_CHANGED) == first
+    assert not stuck.stuck_among(later, START, StuckSteps.IF_CHANGED), "b is not in the way any more by then"
     in_vain = (pick("b", "p"), put("b", "p"), *STEPS[:2])
-    assert stuck.hung_on(in_vain, START, Leeway.CHANGED) == first, "nothing has changed by then"
+    assert stuck.stuck_among(in_vain, START, StuckSteps.IF_CHANGED) == first, "nothing has changed by then"
 
 
 def test_a_stuck_step_is_worth_one_more_try_when_nothing_else_is_left_to_do() -> None:
     run_state = looked(dispatched(planned()), START, 1)
     stuck = run_state.failed(STEPS[0], START, GIVE_UP)
-    assert stuck.hung_on(STEPS, START, Leeway.LAST), "nothing was done since"
+    assert stuck.stuck_among(STEPS, START, StuckSteps.LAST_RESORT), "nothing was done since"
     later = replace(stuck, actions=stuck.actions + 1)
-    assert later.hung_on(STEPS, START, Leeway.CHANGED)
-    assert not later.hung_on(STEPS, START, Leeway.LAST)
+    assert later.stuck_among(STEPS, START, StuckSteps.IF_CHANGED)
+    assert not later.stuck_among(STEPS, START, StuckSteps.LAST_RESORT)
     twice = replace(later.failed(STEPS[0], START, GIVE_UP), actions=later.actions + 1)
-    for leeway in Leeway:
-        assert twice.hung_on((*STEPS[2:], *STEPS[:2]), START, leeway), "given up on twice, it is left alone"
+    for allowed in StuckSteps:
+        assert twice.stuck_among((*STEPS[2:], *STEPS[:2]), START, allowed), "given up on twice, it is left alone"
 
 
 def test_what_a_look_did_not_ask_about_is_no_doubt_but_what_it_could_not_tell_is() -> None:
@@ -147,9 +147,11 @@ def test_what_a_look_did_not_ask_about_is_no_doubt_but_what_it_could_not_tell_is
 
 
 def test_before_a_goal_is_given_up_for_want_of_a_plan_everything_is_doubted_however_few_questions_a_look_has() -> None:
-    doubts = planned().doubts(Settings(max_questions=2))
+    doubts = planned().uncertain_atoms(Settings(max_questions=2))
     assert set(doubts.atoms) == set(TASK.atoms)
-    assert RunState(TASK, TASK.goal, START).doubts(Settings()) == Doubts(), "one that does not look has none"
+    assert RunState(TASK, TASK.goal, START).uncertain_atoms(Settings()) == UncertainAtoms(), (
+        "one that does not look has none"
+    )
 
 
 def test_a_small_task_is_asked_about_whole_and_a_large_one_where_it_matters() -> None:

@@ -674,4 +674,4 @@ def test_31_a_step_that_never_works_while_others_move_by_chance_costs_its_own_go
     given_up = ended.codes.index(Reason.GIVEN_UP_BEFORE)
     assert ended.causes[given_up].literals == ("at(a,q)",)
     assert ended.causes[given_up + 1].steps == ("pick(a,p)",)
-    assert dispatched(stage).count(never) <= stage.settings.bearable(status) + 1
+    assert dispatched(stage).count(never) <= stage.settings.max_failures_ever(status) + 1

@@ -21,7 +21,7 @@ from executive.app.assembly import make_executive
 from executive.cli.app import ctrl_c
 from executive.core.loop import Executive
 from executive.core.settings import Settings
-from executive.core.time_limits import punctual_estimator, punctual_planner, punctual_preparing, punctual_skills
+from executive.core.time_limits import limit_estimator, limit_planner, limit_preparing, limit_skills
 from executive.errors import InputError
 from executive.protocols import Asking, Sink, SkillContext, Tell
 from executive.trace.record.log import EVENTS_FILE, EventLog, read_events
@@ -47,7 +47,7 @@ from executive.types import (
     Step,
 )
 from executive.util import timeout
-from executive.util.timeout import LateError, undisturbed, within
+from executive.util.timeout import TimeLimitError, uninterrupted, within
 from tests.fakes import FakeWorld, Stage, at, budget, pick
 
 SOON = 0.05
@@ -78,7 +78,7 @@ def test_what_is_done_in_time_is_returned_and_what_it_raises_is_raised() -> None
 
 @pytest.mark.parametrize("work", [forever, lambda: time.sleep(1000), lambda: threading.Event().wait(1000)])
 def test_what_is_not_is_ended_wherever_it_is(work: Callable[[], object]) -> None:
-    with pytest.raises(LateError, match=r"more than 0\.05 s"):
+    with pytest.raises(TimeLimitError, match=r"more than 0\.05 s"):
         within(SOON, work)
     assert timeout._alarms == []
     time.sleep(2 * SOON)  # nothing goes off later
@@ -94,7 +94,7 @@ def test_the_processes_that_it_has_started_end_with_it() -> None:
     others = timeout._children()  # of tests before this one
     bystander = subprocess.Popen(["sleep", "1000"])
     try:
-        with pytest.raises(LateError):
+        with pytest.raises(TimeLimitError):
             within(0.5, work)
         assert started[0].wait() != 0
         assert timeout._children() - others == {bystander.pid}, "all of its own, and nobody else's"
@@ -105,12 +105,12 @@ def test_the_processes_that_it_has_started_end_with_it() -> None:
 
 def test_of_two_within_each_other_the_one_whose_time_is_up_ends() -> None:
     def inner_is_late() -> str:
-        with pytest.raises(LateError):
+        with pytest.raises(TimeLimitError):
             within(SOON, forever)
         return "outer goes on"
 
     assert within(60.0, inner_is_late) == "outer goes on"
-    with pytest.raises(LateError, match=r"0\.05 s"):
+    with pytest.raises(TimeLimitError, match=r"0\.05 s"):
         within(SOON, lambda: within(60.0, forever))
     assert timeout._alarms == []
 
@@ -119,14 +119,14 @@ def test_what_has_to_be_whole_is_not_interrupted() -> None:
     told: list[str] = []
 
     def work() -> None:
-        with undisturbed():
+        with uninterrupted():
             until = time.monotonic() + 3 * SOON
             while time.monotonic() < until:
                 told.append("") if not told else None
             told.append("whole")
         forever()
 
-    with pytest.raises(LateError):
+    with pytest.raises(TimeLimitError):
         within(SOON, work)
     assert told[-1] == "whole"
 
@@ -171,7 +171,7 @@ class Hanging:
 
 
 def test_an_estimator_that_hangs_has_no_answer_and_says_why() -> None:
-    eye = punctual_estimator(Hanging(), SOON)
+    eye = limit_estimator(Hanging(), SOON)
     assert isinstance(eye, Asking)
     assert eye.questions is Hanging.questions
     observation = Observation(4, 0.0, {"front": np.zeros((2, 2, 3), np.uint8)}, np.zeros(1))
@@ -184,7 +184,7 @@ def test_an_estimator_that_hangs_has_no_answer_and_says_why() -> None:
 
 
 def test_a_planner_that_hangs_has_timed_out() -> None:
-    answer = punctual_planner(Hanging(), SOON).plan(Facts(), ALWAYS)
+    answer = limit_planner(Hanging(), SOON).plan(Facts(), ALWAYS)
     assert isinstance(answer, NoPlan)
     assert answer.reason is NoPlanReason.TIMED_OUT
 
@@ -206,7 +206,7 @@ def test_a_skill_that_hangs_is_asked_first_and_then_ended() -> None:
 
     cancelled = False
     context = SkillContext(None, np.random.default_rng(0), lambda _: None, lambda: cancelled)
-    skills = punctual_skills({"polite": polite, "deaf": deaf, "quick": quick}, SOON, grace=SOON)
+    skills = limit_skills({"polite": polite, "deaf": deaf, "quick": quick}, SOON, grace=SOON)
     asked, ended, done = (skills[name](step, context) for name in ("polite", "deaf", "quick"))
     assert (asked.status, asked.reason) == (SkillStatus.TIMED_OUT, "it was asked to stop after 0.05 s")
     assert asked.seconds == 1.5
@@ -228,7 +228,7 @@ def test_a_run_whose_skill_hangs_ends_by_name() -> None:
         forever()
         raise AssertionError
 
-    skills = punctual_skills({"pick": hanging, "place": stage.skill}, SOON, grace=0.0)
+    skills = limit_skills({"pick": hanging, "place": stage.skill}, SOON, grace=0.0)
     executive = make_executive(
         stage.task, stage.planner, stage.world, skills, stage.estimator, [stage.recorder], stage.settings
     )
@@ -459,6 +459,6 @@ def test_what_is_made_ready_outlasts_no_run() -> None:
             forever()
 
     told: list[str] = []
-    (part,) = punctual_preparing([Endless()], lambda: SOON)
+    (part,) = limit_preparing([Endless()], lambda: SOON)
     part.prepare(told.append)
     assert told == ["the check"]

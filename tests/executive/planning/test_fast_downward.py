@@ -110,8 +110,8 @@ def test_what_is_grounded_here_is_the_task_that_the_translator_makes_of_it(
     untrue = choose.sample(sorted(state.true), min(1, len(state.true)))
     goal = Condition.of({**dict.fromkeys(untrue, False), **kept})
     free = planners[name].plan(state, goal)
-    hung_on = free.steps if isinstance(free, Plan) else ()
-    avoid = frozenset(choose.sample(hung_on, min(len(hung_on), choose.randint(0, 2))))
+    stuck_among = free.steps if isinstance(free, Plan) else ()
+    avoid = frozenset(choose.sample(stuck_among, min(len(stuck_among), choose.randint(0, 2))))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("executive.planning.fast_downward.MOST_GROUNDED", -1)
         judge = FastDownwardPlanner(schemas[name]).plan(state, goal, avoid)

@@ -41,7 +41,7 @@ def up(pose: FloatArray) -> float:
     return float(rotation[8])
 
 
-def undisturbed(world: MujocoWorld, before: dict[str, FloatArray], *but: str) -> bool:
+def uninterrupted(world: MujocoWorld, before: dict[str, FloatArray], *but: str) -> bool:
     return all(np.abs(world.pose(item) - before[item]).max() < 0.01 for item in ITEMS if item not in but)
 
 
@@ -62,7 +62,7 @@ def test_someone_moves_an_item_to_a_table_of_his_choice(world: MujocoWorld) -> N
         said = world.disturb("shove", np.random.default_rng(1), item="lemon", table=table)
         assert said == f"someone moved lemon to {table}"
         assert where(world)["lemon"] == table
-    assert undisturbed(world, before, "lemon")
+    assert uninterrupted(world, before, "lemon")
 
 
 def test_what_is_taken_away_is_nowhere(world: MujocoWorld) -> None:
@@ -72,7 +72,7 @@ def test_what_is_taken_away_is_nowhere(world: MujocoWorld) -> None:
     assert where(world) == expected
     world.settle(0.5)
     assert np.hypot(*world.pose("lemon")[:2]) > 3.0
-    assert undisturbed(world, before, "lemon")
+    assert uninterrupted(world, before, "lemon")
 
 
 def test_two_items_change_places(world: MujocoWorld) -> None:
@@ -83,7 +83,7 @@ def test_two_items_change_places(world: MujocoWorld) -> None:
     world.settle(0.5)
     assert where(world) == expected
     assert np.linalg.norm(world.pose("lemon")[:2] - before["cereal-box"][:2]) < 0.03
-    assert undisturbed(world, before, "lemon", "cereal-box")
+    assert uninterrupted(world, before, "lemon", "cereal-box")
 
 
 @pytest.mark.parametrize("item", ["cereal-box", "milk-carton", "water-bottle", "soda-can"])
@@ -92,7 +92,7 @@ def test_what_is_tipped_over_lies_where_it_stood(world: MujocoWorld, item: str) 
     assert world.disturb("tip", np.random.default_rng(3), item=item) == f"{item} was tipped over"
     assert abs(up(world.pose(item))) < 0.3
     assert where(world)[item] == expected[item]
-    assert undisturbed(world, before, item)
+    assert uninterrupted(world, before, item)
 
 
 def test_what_is_pushed_to_the_floor_lies_there(world: MujocoWorld) -> None:
@@ -103,7 +103,7 @@ def test_what_is_pushed_to_the_floor_lies_there(world: MujocoWorld) -> None:
     world.settle(1.0)
     assert where(world) == expected
     assert all(world.pose(item)[2] < 0.2 for item in ("lemon", "cereal-box"))
-    assert undisturbed(world, before, "lemon", "cereal-box")
+    assert uninterrupted(world, before, "lemon", "cereal-box")
 
 
 def carried_out(skill: Skill, world: MujocoWorld, *args: str) -> SkillStatus:
@@ -116,7 +116,7 @@ def test_a_blocked_table_has_no_room(world: MujocoWorld) -> None:
     before = world.obstacles()
     assert world.disturb("block", np.random.default_rng(0), table="black-table").endswith("boxes on black-table")
     world.settle(0.5)
-    assert undisturbed(world, before)
+    assert uninterrupted(world, before)
     again = world.disturb("block", np.random.default_rng(0), table="black-table")
     assert again == "black-table was to be blocked, but has no room"
     assert carried_out(pick, world, "lemon", where(world)["lemon"]) is SkillStatus.DONE

@@ -17,7 +17,13 @@ from hypothesis import strategies as st
 
 from executive.util import threads
 
-NAMES = (threads.SUMS, threads.WAITING, threads.SPINNING, threads.DRAWING, threads.COMPILED)
+NAMES = (
+    threads.OPENMP_THREADS,
+    threads.WAIT_POLICY,
+    threads.SPIN_COUNT,
+    threads.RENDERING_THREADS,
+    threads.NUMBA_THREADS,
+)
 V2 = "31 23 0:28 {root} {mount} rw,relatime shared:9 - cgroup2 cgroup2 rw,nsdelegate"
 V1 = "32 31 0:29 {root} {mount} rw,relatime - cgroup cgroup rw,cpu,cpuacct"
 OTHER = "33 31 0:30 / {mount}-memory rw,relatime - cgroup cgroup rw,memory"
@@ -121,7 +127,7 @@ def test_all_is_decided_before_anything_is_loaded_that_computes(way_in: str) -> 
     assert "numpy" in seen
     for name, environment in seen.items():
         assert None not in environment.values(), name
-        assert environment[threads.WAITING] == "PASSIVE"
+        assert environment[threads.WAIT_POLICY] == "PASSIVE"
 
 
 def test_one_core_has_one_thread_whatever_the_machine_has() -> None:
@@ -166,7 +172,7 @@ def test_what_was_loaded_first_is_told_of_fewer_threads() -> None:
         "from threadpoolctl import threadpool_info\n"
         "torch.set_num_threads(3)\n"
         "from executive.util import threads\n"
-        "threads.lower(2)\n"
+        "threads.limit_loaded(2)\n"
         "print(json.dumps([torch.get_num_threads(), *(each['num_threads'] for each in threadpool_info())]))"
     )
     assert isinstance(found, list)
@@ -185,7 +191,7 @@ def test_workers_share_the_cores(workers: int, alone: bool, sums: str | None, mo
         usual = pool.apply(threads.settings)
     with threads.shared_by(workers, alone=alone), multiprocessing.get_context("spawn").Pool(1) as pool:
         there = pool.apply(threads.settings)
-    assert there[threads.SUMS][0] == (sums or usual[threads.SUMS][0])
-    assert there[threads.DRAWING][0] == str(max(1, threads.cores() // workers))
-    assert there[threads.WAITING][0] == "PASSIVE"
+    assert there[threads.OPENMP_THREADS][0] == (sums or usual[threads.OPENMP_THREADS][0])
+    assert there[threads.RENDERING_THREADS][0] == str(max(1, threads.cores() // workers))
+    assert there[threads.WAIT_POLICY][0] == "PASSIVE"
     assert not any(name in os.environ for name in NAMES)

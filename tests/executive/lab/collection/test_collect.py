@@ -268,5 +268,5 @@ def test_ctrl_c_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Path) -> 
     assert said[0] == ""
     first, *_, last = said[1].splitlines()
     assert first.startswith("stopping; ")
-    assert last.startswith("interrupted; finished episodes are kept, go on with: executive collect ")
+    assert last.startswith("interrupted; finished episodes are kept, continue with: executive collect ")
     assert not dataset.read_manifest(out)["finished"]

@@ -428,7 +428,7 @@ def test_ctrl_c_says_so_and_keeps_the_looks_that_were_taken(
     assert printed == ""
     assert "Traceback" not in told
     last = told.splitlines()[-1]
-    assert last.startswith("interrupted; the looks that were taken are kept, go on with: executive eval ")
+    assert last.startswith("interrupted; the looks that were taken are kept, continue with: executive eval ")
     assert not (out / store.RESULTS).exists()
     before = len(server.requests)
     assert orders == []

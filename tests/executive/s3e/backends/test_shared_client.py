@@ -264,11 +264,11 @@ def test_who_has_not_the_key_gets_nothing(address: Address) -> None:
 
 def test_who_is_interrupted_leaves_the_others_and_the_next_look_whole(address: Address) -> None:
     """As a look that takes too long is (`executive.util.timeout`)."""
-    from executive.util.timeout import LateError, within
+    from executive.util.timeout import TimeLimitError, within
 
     model = SharedBackend(address, "slow")
     look = model.look(grey(255), SYSTEM)
-    with pytest.raises(LateError):
+    with pytest.raises(TimeLimitError):
         within(0.1, lambda: look.ask(["slow"]))
     assert look.ask(["?"]) == [Answer("?", 1.0, 0.0)]
     assert model.look(grey(0), SYSTEM).ask(["?"]) == [Answer("?", 0.0, 1.0)]
