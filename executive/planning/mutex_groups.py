@@ -77,14 +77,22 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = T
             said = run_translator(domain, text.problem(declared), left(), module=_INVARIANTS)
             state = _Completion(schema, _instances(said, text), deadline).complete()
         sas = run_translator(domain, text.problem(state), left(), _OPTIONS)
-        groups = tuple(sorted(_read(sas, text), key=lambda group: group.atoms))
+        found = _with_numbers(_read(sas, text), schema, state)
+        groups = tuple(sorted(found, key=lambda group: group.atoms))
         return Mutexes(groups, state, sas.count("begin_operator") - 1)  # but for the one that finishes
     except TranslatorError as failure:
         problem = str(failure)
     except (LookupError, RuntimeError, ValueError) as error:
         problem = f"Fast Downward's translator wrote what cannot be read ({error!r})"
     log.warning("%s; answers are not made consistent", problem)
-    return Mutexes((), declared)
+    return Mutexes(tuple(_with_numbers((), schema, declared)), declared)
+
+
+def _with_numbers(groups: Iterable[Group], schema: Schema, state: frozenset[Atom]) -> Iterator[Group]:
+    """The groups, and for each numeric fluent one of its values, in the place of any that are about these alone."""
+    values = [frozenset(atom for _, atom in fluent.values) for fluent in schema.task.fluents]
+    yield from (group for group in groups if not any(each.issuperset(group.atoms) for each in values))
+    yield from (Group(tuple(each), exact=not each.isdisjoint(state)) for each in values)
 
 
 def _in_time(deadline: float) -> None:

@@ -26,7 +26,7 @@ from executive.types.observations import (
     Verdict,
 )
 from executive.types.scenes import Camera, EstimatedPose, Frame, Geometry, Lump, PosesEstimated, Scenery
-from executive.types.tasks import Effect, NoPlan, NoPlanReason, Plan, Probed, Step, Task
+from executive.types.tasks import Effect, Fluent, NoPlan, NoPlanReason, Plan, Probed, Step, Task
 
 __all__ = [
     "ALWAYS",
@@ -53,6 +53,7 @@ __all__ = [
     "Facts",
     "FaultInjected",
     "FloatArray",
+    "Fluent",
     "Frame",
     "Geometry",
     "Ground",

@@ -127,6 +127,35 @@ class NoPlan:
 
 
 @dataclass(frozen=True, slots=True)
+class Fluent:
+    """A numeric fluent, printed as `count(crate)`: a function over objects, and the atoms that say which of its values
+    it has, in ascending order. One of them is true."""
+
+    function: str
+    args: tuple[str, ...]
+    values: tuple[tuple[int, Atom], ...]
+
+    def __str__(self) -> str:
+        return f"{self.function}({','.join(self.args)})"
+
+    def distribution(self, probability: Mapping[Atom, float]) -> Mapping[int, float] | None:
+        """The probability of each value, adding up to 1; None where no atom of it has one."""
+        known = {value: probability[atom] for value, atom in self.values if atom in probability}
+        total = sum(known.values())
+        return {value: share / total for value, share in known.items()} if total > 0.0 else None
+
+    def mean(self, probability: Mapping[Atom, float]) -> float | None:
+        """The mean of the values, weighted by the probabilities of their atoms."""
+        shares = self.distribution(probability)
+        return None if shares is None else sum(value * share for value, share in shares.items())
+
+    def most_probable(self, probability: Mapping[Atom, float]) -> int | None:
+        """The most probable value, the smallest of several."""
+        shares = self.distribution(probability)
+        return None if shares is None else max(shares, key=lambda value: (shares[value], -value))
+
+
+@dataclass(frozen=True, slots=True)
 class Task:
     """A planning task without its initial state, which the robot has to estimate.
 
@@ -136,6 +165,7 @@ class Task:
     of its parameters; `numeric` are the names of the numeric fluents, which have no atoms and are not estimated.
     `static` is what is true of what no action changes, as :init says; it is known, and neither estimated nor part of
     any state. `derived` are the rules of derived atoms, which are computed and neither estimated nor part of a state.
+    `fluents` are the numeric fluents that are estimated, by the atoms that stand for their values.
     """
 
     name: str
@@ -148,6 +178,7 @@ class Task:
     numeric: tuple[str, ...] = ()
     static: frozenset[Atom] = frozenset()
     derived: DerivedRules = field(default_factory=DerivedRules)
+    fluents: tuple[Fluent, ...] = ()
 
     def __post_init__(self) -> None:
         unknown = self.goal.atoms.difference(self.atoms, self.derived.rules)

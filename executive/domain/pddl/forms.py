@@ -91,7 +91,7 @@ class PddlFile:
 
     def __init__(self, path: Path, kind: str, only: frozenset[str] | None = None) -> None:
         self.path = path
-        definition = self._parse()
+        self.definition = definition = self._parse()
         name = definition.rest[0] if definition.rest else None
         if definition.head != "define" or name is None or name.head != kind or len(name.rest) != 1:
             self.fail(definition.line, f"expected (define ({kind} <name>) ...)")

@@ -8,12 +8,13 @@ from pathlib import Path
 
 from executive.domain.pddl import fluents
 from executive.domain.pddl.forms import Form, PddlFile, shorten
-from executive.domain.pddl.formulas import Axiom, Formula, Literal, conjuncts
+from executive.domain.pddl.formulas import And, Axiom, Formula, Literal, conjuncts
 from executive.domain.pddl.grounding import Grounding, Row
+from executive.domain.pddl.numbers import COST, NUMERAL, survey
 from executive.domain.pddl.schema import Action, CostTerm, Said, Schema
-from executive.domain.pddl.words import TOTAL_COST, Words, number
+from executive.domain.pddl.words import Words, number
 from executive.errors import DomainError, nearest
-from executive.types import ALWAYS, NEVER, Atom, Condition, DerivedRules, Task
+from executive.types import ALWAYS, NEVER, Atom, Condition, DerivedRules, Fluent, Task
 
 MOST_ATOMS = 50_000
 """Every fluent atom is a question to the estimator; a task with more of them was not meant for one. What is static is
@@ -36,6 +37,13 @@ def read_task(domain: Path, problem: Path, seen: Collection[str] = ()) -> Schema
     source = PddlFile(domain, "domain")
     words = _declared(source)
     words.declare_functions(source)
+    file: PddlFile | None = None
+    if words.functions.keys() - {COST}:
+        file = PddlFile(problem, "problem")
+        used, largest = survey(source, file, words.functions)
+        if used:
+            _declare_problem(words, source, file)
+            words.use_numbers(source, used, largest)
     actions: dict[str, Action] = {}
     axioms: list[tuple[Axiom, Form]] = []
     for form in source.actions:
@@ -51,8 +59,9 @@ def read_task(domain: Path, problem: Path, seen: Collection[str] = ()) -> Schema
     if not actions:
         source.fail(1, "declares no actions")
 
-    file = PddlFile(problem, "problem")
-    _declare_problem(words, source, file)
+    file = file or PddlFile(problem, "problem")
+    if words.numbers is None:
+        _declare_problem(words, source, file)
     return _Reading(words, source, file, actions, axioms, frozenset(seen) - derived).schema()
 
 
@@ -82,7 +91,7 @@ def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> 
     if len(atoms) > MOST_ATOMS:
         raise _too_many(file, asked)
     parameters = {name: words.parameters[name] for name in asked}
-    numeric = tuple(name for name in words.functions if name != TOTAL_COST)
+    numeric = tuple(name for name in words.functions if name != COST)
     return Task(source.name, file.name, dict(words.objects), atoms, ALWAYS, parameters=parameters, numeric=numeric)
 
 
@@ -141,10 +150,13 @@ def _action(words: Words, file: PddlFile, form: Form, derived: Collection[str]) 
     before = parts.get(":precondition", Form(form.line, items=()))
     precondition = words.formula(file, before, parameters, f"action {name}: :precondition")
     cost: list[CostTerm] = []
-    effects = tuple(words.effects(file, parts[":effect"], parameters, f"action {name}: :effect", cost))
+    limits: list[Formula] = []
+    effects = tuple(words.effects(file, parts[":effect"], parameters, f"action {name}: :effect", cost, limits))
     for effect in effects:
         if effect.literal.predicate in derived:
             file.fail(parts[":effect"].line, f"action {name}: :effect: {effect.literal.predicate} is derived by axioms")
+    if limits:
+        precondition = And((precondition, *dict.fromkeys(limits)))
     return Action(name, tuple(parameters.items()), precondition, effects, tuple(cost))
 
 
@@ -211,13 +223,14 @@ class _Reading:
         task = Task(
             self._domain.name,
             problem.name,
-            dict(words.objects),
+            {name: kind for name, kind in words.objects.items() if kind != NUMERAL},
             atoms,
             goal,
             frozenset(atom for atom, (value, _) in init.items() if value),
             {name: names for name, names in words.parameters.items() if name not in known},
             static=static,
             derived=rules,
+            fluents=self._numeric(atoms),
         )
         return Schema(
             task,
@@ -257,7 +270,24 @@ class _Reading:
             problem.fail(form.line, f":init: {shorten(form)}: expected (= (<function> <objects>) <number>)")
         for term in parts[0].rest:
             words.term(problem, term, {}, ":init")
-        self._values[name, tuple(term.word for term in parts[0].rest)] = value
+        args = tuple(term.word for term in parts[0].rest)
+        if self._values.setdefault((name, args), value) != value:
+            problem.fail(form.line, f":init gives {shorten(parts[0])} two values")
+        if words.numbers is not None and name in words.numbers.used:
+            literal = words.numbers.literal((name, args), int(value))
+            self._said[Atom(literal.predicate, literal.terms)] = Said(True, form.line)
+
+    def _numeric(self, atoms: Sequence[Atom]) -> tuple[Fluent, ...]:
+        """The numeric fluents, each with the atoms of its values."""
+        numbers = self._words.numbers
+        if numbers is None:
+            return ()
+        value = {name: number for number, name in enumerate(numbers.names)}
+        found: dict[tuple[str, Row], list[tuple[int, Atom]]] = {}
+        for atom in atoms:
+            if atom.predicate in numbers.used:
+                found.setdefault((atom.predicate, atom.args[:-1]), []).append((value[atom.args[-1]], atom))
+        return tuple(Fluent(name, args, tuple(sorted(values))) for (name, args), values in found.items())
 
     def _fluents(self, static: frozenset[Atom]) -> tuple[Atom, ...]:
         """The atoms that some action may change and those that somebody looks at, in the order of the files."""
@@ -344,7 +374,7 @@ class _Reading:
             self._problem.fail(metric.line, f"{shorten(metric)} is not supported: a preference")
         if told == ["minimize", "total-time"]:
             self._problem.fail(metric.line, f"{shorten(metric)} is not supported: actions that take time")
-        if told != ["minimize", TOTAL_COST]:
+        if told != ["minimize", COST]:
             self._problem.fail(metric.line, f"{shorten(metric)} is not supported: numeric fluents")
         return True
 

@@ -63,6 +63,7 @@ class Schema:
         """What it uses of PDDL beyond conjunctions of atoms, by the names of PDDL's requirements."""
         found = {"derived-predicates"} if self.axioms else set[str]()
         found |= {"action-costs"} if self.has_costs else set()
+        found |= {"numeric-fluents"} if self.task.fluents else set()
         found |= {"typing"} if len(self.typing.supertypes) > 1 else set()
         waiting = [self.goal, *(axiom.condition for axiom in self.axioms)]
         for action in self.actions.values():

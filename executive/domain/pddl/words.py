@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from executive.domain.pddl.forms import Form, PddlFile, shorten
@@ -17,11 +17,24 @@ from executive.domain.pddl.formulas import (
     Or,
     negated,
 )
+from executive.domain.pddl.numbers import (
+    CHANGES,
+    COMPARISONS,
+    COST,
+    LEAST_MOST,
+    MOST,
+    MOST_COMBINATIONS,
+    NUMERAL,
+    OPERATORS,
+    Expression,
+    Key,
+    Numbers,
+    is_number,
+    name_of,
+)
 from executive.domain.pddl.schema import CostTerm
 from executive.domain.pddl.typing import EITHER, OBJECT, Typing
 from executive.errors import nearest
-
-TOTAL_COST = "total-cost"
 
 _REFUSED = {
     "preference": "a preference",
@@ -45,6 +58,9 @@ class Words:
     predicates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     parameters: dict[str, tuple[str, ...]] = field(default_factory=dict)
     functions: dict[str, int] = field(default_factory=dict)
+    function_parameters: dict[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    numbers: Numbers | None = None
+    """The numerals, where functions are used as numeric fluents."""
     typing: Typing = field(init=False)
 
     def __post_init__(self) -> None:
@@ -111,6 +127,71 @@ class Words:
             else:
                 name = file.identifier(form.items[0] if form.items else form, "a function")
                 self.functions.setdefault(name, form.line)
+                parameters = file.typed(form.rest, "a parameter", "?")
+                self.function_parameters[name] = tuple((own, self.kind(file, kind)) for _, own, kind in parameters)
+
+    def use_numbers(self, file: PddlFile, used: Collection[str], largest: int) -> None:
+        """Make predicates of the functions that are numeric fluents, and objects of the numbers up to the largest."""
+        names = {name for name in self.objects if name[-1:].isdigit()}
+        prefix = next(
+            each
+            for each in ("n", "number-", "numeral-", "value-is-")
+            if not any(name.startswith(each) and name[len(each) :].isdigit() for name in names)
+        )
+        self.numbers = Numbers(min(MOST, max(LEAST_MOST, largest, len(self.objects))), prefix)
+        if NUMERAL in self.supertypes:
+            file.fail(1, f"a type cannot be called {NUMERAL} where there are numeric fluents")
+        self.supertypes[NUMERAL] = ()
+        self.objects.update(dict.fromkeys(self.numbers.names, NUMERAL))
+        for name in (name for name in self.functions if name in used):
+            if name in self.predicates:
+                file.fail(self.functions[name], f"{name} is both a function and a predicate")
+            self.numbers.used[name] = kinds = tuple(kind for _, kind in self.function_parameters[name])
+            self.predicates[name] = (*kinds, NUMERAL)
+            own = (variable.removeprefix("?") for variable, _ in self.function_parameters[name])
+            self.parameters[name] = (*own, "number")
+
+    def _comparison(self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str) -> Formula:
+        if self.numbers is None or len(form.rest) != 2:
+            file.fail(form.line, f"{where}: {shorten(form)} is not supported: numeric fluents")
+        left, right = (self._expression(file, each, scope, where) for each in form.rest)
+        self._check_size(file, form, (*left.keys(), *right.keys()), where)
+        return self.numbers.comparison(form.head, left, right)
+
+    def _change(
+        self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str, limits: list[Formula]
+    ) -> Iterator[LiftedEffect]:
+        if self.numbers is None or len(form.rest) != 2 or name_of(form.rest[0]) not in self.numbers.used:
+            file.fail(form.line, f"{where}: {shorten(form)} is not supported: numeric fluents")
+        target, amount = (self._expression(file, each, scope, where) for each in form.rest)
+        assert target.key is not None
+        self._check_size(file, form, (target.key, *amount.keys()), where)
+        yield from self.numbers.change(form.head, target.key, amount, limits)
+
+    def _check_size(self, file: PddlFile, form: Form, keys: Sequence[Key], where: str) -> None:
+        assert self.numbers is not None
+        if self.numbers.combinations(tuple(dict.fromkeys(keys))) > MOST_COMBINATIONS:
+            file.fail(form.line, f"{where}: {shorten(form)} is not supported: it has too many numeric fluents at once")
+
+    def _expression(self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str) -> Expression:
+        if is_number(form):
+            return Expression(constant=float(form.word))
+        if form.head in OPERATORS and (len(form.rest) > 1 or (form.head == "-" and form.rest)):
+            parts = tuple(self._expression(file, each, scope, where) for each in form.rest)
+            return Expression(operation=form.head, parts=parts)
+        name = name_of(form)
+        if self.numbers is None or name not in self.numbers.used:
+            file.fail(
+                form.line, f"{where}: {shorten(form)} is no number and no function; {nearest(name, self.functions)}"
+            )
+        kinds = self.numbers.used[name]
+        if len(form.rest) != len(kinds):
+            file.fail(form.line, f"{where}: {shorten(form)} does not fit the declared ({' '.join((name, *kinds))})")
+        for term, kind in zip(form.rest, kinds, strict=True):
+            own = self.term(file, term, scope, where)
+            if not (self.typing.descends(own, kind) or self.typing.descends(kind, own)):
+                file.fail(term.line, f"{where}: in {form}, {term} is of type {own}, expected {kind}")
+        return Expression(key=(name, tuple(term.word for term in form.rest)))
 
     def literal(self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str) -> Literal:
         """An atom over the variables in scope and the objects, checked against the predicate's declaration."""
@@ -185,24 +266,33 @@ class Words:
             return negated(self.formula(file, form.rest[0], scope, where))
         if form.head == "=":
             terms = form.rest
-            if any(term.items is not None or term.word in self.functions or _is_number(term) for term in terms):
-                file.fail(form.line, f"{where}: {shorten(form)} is not supported: numeric fluents")
+            if any(term.items is not None or term.word in self.functions or is_number(term) for term in terms):
+                return self._comparison(file, form, scope, where)
             if len(terms) != 2:
                 file.fail(form.line, f"{where}: {shorten(form)}: = compares two objects")
             for term in terms:
                 self.term(file, term, scope, where)
             return Equality(terms[0].word, terms[1].word)
+        if form.head in COMPARISONS and form.head not in self.predicates:
+            return self._comparison(file, form, scope, where)
         return self.literal(file, form, scope, where)
 
     def effects(
-        self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str, cost: list[CostTerm]
+        self,
+        file: PddlFile,
+        form: Form,
+        scope: Mapping[str, str],
+        where: str,
+        cost: list[CostTerm],
+        limits: list[Formula],
     ) -> Iterator[LiftedEffect]:
-        """The effects of an action, each literal by itself; what it adds to the total cost goes into `cost`."""
+        """The effects of an action, each literal by itself; what it adds to the total cost goes into `cost`, and what
+        has to hold for numbers to stay among those that there are into `limits`."""
         if form.items == ():
             return
         if form.head == "and":
             for part in form.rest:
-                yield from self.effects(file, part, scope, where, cost)
+                yield from self.effects(file, part, scope, where, cost, limits)
         elif form.head in ("forall", "when"):
             variables: tuple[tuple[str, str], ...] = ()
             condition: Formula = And()
@@ -214,10 +304,14 @@ class Words:
             else:
                 condition = self.formula(file, form.rest[0], scope, where)
             inner: list[CostTerm] = []
-            for each in self.effects(file, form.rest[1], {**scope, **dict(variables)}, where, inner):
+            bounds: list[Formula] = []
+            for each in self.effects(file, form.rest[1], {**scope, **dict(variables)}, where, inner, bounds):
                 parts = tuple(part for part in (condition, each.condition) if part != And())
                 combined = parts[0] if len(parts) == 1 else And(parts)
                 yield LiftedEffect(each.literal, combined, (*variables, *each.variables))
+            for bound in bounds:
+                wanted = bound if condition == And() else Or((negated(condition), bound))
+                limits.append(Forall(variables, wanted) if variables else wanted)
             if inner:
                 file.fail(form.line, f"{where}: a cost that depends on a condition is not supported: numeric fluents")
         elif form.head == "not":
@@ -225,17 +319,19 @@ class Words:
                 file.fail(form.line, f"{where}: (not ...) takes one atom")
             literal = self.literal(file, form.rest[0], scope, where)
             yield LiftedEffect(Literal(literal.predicate, literal.terms, False))
-        elif form.head == "increase" and len(form.rest) == 2 and _name(form.rest[0]) == TOTAL_COST:
+        elif form.head == "increase" and len(form.rest) == 2 and name_of(form.rest[0]) == COST:
             cost.append(self._cost(file, form.rest[1], scope, where))
+        elif form.head in CHANGES and form.head not in self.predicates:
+            yield from self._change(file, form, scope, where, limits)
         else:
             if form.head in ("or", "imply", "exists", "="):
                 file.fail(form.line, f"{where}: {form.head} is no effect")
             yield LiftedEffect(self.literal(file, form, scope, where))
 
     def _cost(self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str) -> CostTerm:
-        if _is_number(form):
+        if is_number(form):
             return float(form.word)
-        name = _name(form)
+        name = name_of(form)
         if name not in self.functions:
             file.fail(form.line, f"{where}: {shorten(form)} is not supported: numeric fluents")
         for term in form.rest:
@@ -245,13 +341,4 @@ class Words:
 
 def number(form: Form) -> float | None:
     """A number, or None for anything else."""
-    return float(form.word) if _is_number(form) else None
-
-
-def _is_number(form: Form) -> bool:
-    return form.items is None and form.word.lstrip("-").replace(".", "", 1).isdigit() and form.word.isascii()
-
-
-def _name(form: Form) -> str:
-    """The function's name in `f` and `(f ?x)`."""
-    return form.word or form.head
+    return float(form.word) if is_number(form) else None
