@@ -128,6 +128,7 @@ class _Symbolic:
             config.seed,
             first_observation,
             domain.task.derived,
+            domain.task.fluents,
         )
         skills = dict.fromkeys(domain.parsed.actions, SymbolicSkill())
         oracle = SymbolicEstimator(world, config.flip)

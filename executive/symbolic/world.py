@@ -19,6 +19,8 @@ from executive.types import (
     Atom,
     Belief,
     DerivedRules,
+    FloatArray,
+    Fluent,
     Frame,
     Observation,
     Phase,
@@ -49,6 +51,7 @@ class SymbolicWorld:
         seed: fixes the sensor's errors.
         first_observation: the number of the first observation.
         rules: how derived atoms follow from the others.
+        fluents: the numeric fluents, each of which is asked about once a look, as a number.
 
     Raises:
         ValueError: the flip rate is not from 0 to less than 0.5.
@@ -66,6 +69,7 @@ class SymbolicWorld:
         seed: int = 0,
         first_observation: int = 0,
         rules: DerivedRules | None = None,
+        fluents: Sequence[Fluent] = (),
     ) -> None:
         if not 0.0 <= flip < 0.5:
             raise ValueError(f"flip: a share from 0 to less than 0.5 is expected, got {flip}")
@@ -73,6 +77,7 @@ class SymbolicWorld:
         self._index = {atom: number for number, atom in enumerate(sorted(atoms))}
         self._state = {atom: atom in holding for atom in self._index}
         self._rules = rules or DerivedRules()
+        self._fluents = {atom: fluent for fluent in fluents for _, atom in fluent.values}
         self._seen: tuple[int, Mapping[Atom, bool]] = (-1, {})
         self._next_action, self._flip, self._seed = next_action, flip, seed
         self._time, self._observations, self._ineffective = 0.0, first_observation, False
@@ -107,9 +112,24 @@ class SymbolicWorld:
         number, state = self._seen
         if observation.id != number:
             raise ValueError(f"the moment of observation {observation.id} is past")
-        chance = np.random.default_rng([self._seed, _SENSOR, number]).random(len(self._index))
+        chance = np.random.default_rng([self._seed, _SENSOR, number]).random((2, len(self._index)))
         yes, no = 1.0 - self._flip, self._flip
-        return {atom: yes if state[atom] == (chance[self._index[atom]] >= self._flip) else no for atom in atoms}
+        answers: dict[Atom, float] = {}
+        for atom in atoms:
+            if atom in self._fluents:
+                said = self._said(self._fluents[atom], state, chance)
+                answers[atom] = yes if atom == said else no / max(1, len(self._fluents[atom].values) - 1)
+            else:
+                answers[atom] = yes if state[atom] == (chance[0, self._index[atom]] >= self._flip) else no
+        return answers
+
+    def _said(self, fluent: Fluent, state: Mapping[Atom, bool], chance: FloatArray) -> Atom | None:
+        """The atom of the value that the sensor reads: the true one, or as often as it errs any other one."""
+        values = [atom for _, atom in fluent.values]
+        true = next((atom for atom in values if state[atom]), None)
+        draw, which = chance[:, self._index[values[0]]]
+        others = [atom for atom in values if atom != true]
+        return others[int(which * len(others))] if draw < self._flip and others else true
 
     def stop(self) -> None:
         """Nothing moves between actions."""

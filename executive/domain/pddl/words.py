@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NoReturn
 
 from executive.domain.pddl.forms import Form, PddlFile, shorten
 from executive.domain.pddl.formulas import (
@@ -151,9 +152,13 @@ class Words:
             own = (variable.removeprefix("?") for variable, _ in self.function_parameters[name])
             self.parameters[name] = (*own, "number")
 
+    def _no_function(self, file: PddlFile, form: Form, where: str) -> NoReturn:
+        hint = nearest(name_of(form.rest[0]) if form.rest else "", self.functions)
+        file.fail(form.line, f"{where}: expected a declared function and a number in {shorten(form)}; {hint}")
+
     def _comparison(self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str) -> Formula:
         if self.numbers is None or len(form.rest) != 2:
-            file.fail(form.line, f"{where}: {shorten(form)} is not supported: numeric fluents")
+            self._no_function(file, form, where)
         left, right = (self._expression(file, each, scope, where) for each in form.rest)
         self._check_size(file, form, (*left.keys(), *right.keys()), where)
         return self.numbers.comparison(form.head, left, right)
@@ -162,7 +167,7 @@ class Words:
         self, file: PddlFile, form: Form, scope: Mapping[str, str], where: str, limits: list[Formula]
     ) -> Iterator[LiftedEffect]:
         if self.numbers is None or len(form.rest) != 2 or name_of(form.rest[0]) not in self.numbers.used:
-            file.fail(form.line, f"{where}: {shorten(form)} is not supported: numeric fluents")
+            self._no_function(file, form, where)
         target, amount = (self._expression(file, each, scope, where) for each in form.rest)
         assert target.key is not None
         self._check_size(file, form, (target.key, *amount.keys()), where)

@@ -17,6 +17,7 @@ from executive.replay import compare_run
 from executive.symbolic.truth import SymbolicTruth
 from executive.trace.record.log import read_events
 from executive.types import Compared, Decision, Dispatched, Facts, FaultInjected, OutcomeKind
+from tests.executive.symbolic import crates
 from tests.executive.symbolic.couriers import PROBLEM, write
 from tests.fakes import Recorder
 
@@ -60,6 +61,22 @@ def test_without_trouble_it_is_done_as_planned_and_blind_as_well(config: RunConf
         with Run(replace(config, estimator=estimator)) as run:
             summary = run.execute()
         assert (summary["outcome"], summary["goal_true"], summary["actions"]) == (outcome, True, 8)
+
+
+def test_at_least_three_items_in_the_crate(tmp_path: Path) -> None:
+    """Numbers in the closed loop: estimated, believed as a distribution, expected, planned with and claimed."""
+    domain, problem = map(str, crates.write(tmp_path))
+    for seed in range(6):
+        config = RunConfig(domain, problem, seed=seed, flip=0.05, no_effect=0.2, exogenous=0.1, viewer=False)
+        with Run(replace(config, runs=tmp_path / "runs", name=f"seed-{seed}")) as run:
+            summary = run.execute()
+            fluent, judgement = run.domain.task.fluents[0], run.executive.run_state.judgement
+            value = next(value for value, atom in fluent.values if run.world.state[atom])
+        assert (summary["outcome"], summary["goal_true"]) == (OutcomeKind.GOAL_REACHED, True)
+        assert judgement is not None
+        assert value >= 3
+        assert fluent.most_probable(judgement.probability) == value
+        assert fluent.mean(judgement.probability) == pytest.approx(value, abs=0.3)
 
 
 def test_a_domain_folder_is_played_too_and_what_its_init_leaves_open_is_drawn(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from executive.symbolic.truth import SymbolicTruth
 from executive.symbolic.world import SymbolicEstimator
 from executive.types import Atom, Observation, SkillResult, SkillStatus
 from tests.contracts import EstimatorContract, SimulatorContract
+from tests.executive.symbolic import crates
 from tests.executive.symbolic.couriers import write
 
 X_AT_A, X_HELD, HERE_A = Atom("at", ("x", "a")), Atom("held", ("x",)), Atom("here", ("a",))
@@ -169,3 +170,18 @@ def test_a_pair_of_pddl_files_needs_both_and_has_no_scene(tmp_path: Path) -> Non
         load_domain(domain, str(tmp_path / "none.pddl"))
     with pytest.raises(InputError, match="has no scene"):
         _ = load_domain(domain, str(problem)).scene
+
+
+def test_a_number_is_read_at_once_and_wrong_as_often_as_it_says(tmp_path: Path) -> None:
+    domain, problem = crates.write(tmp_path)
+    task = load_domain(domain, str(problem)).task
+    (fluent,), looks, wrong = task.fluents, 2000, 0
+    world = SymbolicWorld(task.atoms, task.declared, lambda *_: None, 0.2, fluents=task.fluents)
+    for _ in range(looks):
+        answers = world.sense(world.observe(), [atom for _, atom in fluent.values])
+        shares = fluent.distribution(answers)
+        assert shares is not None
+        assert sum(answers.values()) == pytest.approx(1.0)
+        assert sorted(set(shares.values())) == pytest.approx([0.2 / 9, 0.8])
+        wrong += fluent.most_probable(answers) != 0
+    assert 0.16 * looks < wrong < 0.24 * looks
