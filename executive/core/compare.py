@@ -36,7 +36,7 @@ def progress(facts: Facts, step: Step, rules: DerivedRules = NO_RULES) -> Facts:
     An effect whose condition is unknown makes what it would change unknown. Derived atoms are never among the facts;
     `rules` say how they follow from them, for conditions that name some.
     """
-    changes = step.changes(rules.complete(facts))
+    changes = step.changes(rules.complete(facts, _asked(step)) if rules else facts)
     open_ = [atom for atom, value in changes.items() if value is None]
     changed = facts | {atom: value for atom, value in changes.items() if value is not None}
     return changed.without(open_) if open_ else changed
@@ -64,12 +64,13 @@ def remaining(
             break
     else:
         return None
-    position = 0
+    position, here = 0, dict(state)
     while position < len(kept):
-        fewer, reached = _executed(steps, kept[:position] + kept[position + 1 :], state, goal, rules)
+        fewer, reached = _executed(steps, kept[position + 1 :], here, goal, rules)
         if reached:
-            kept = fewer
+            kept = kept[:position] + fewer
         else:
+            _carry_out(steps[kept[position]], here, rules)
             position += 1
     return kept
 
@@ -145,19 +146,27 @@ def _decisive(
 
 
 def _executed(
-    steps: Sequence[Step], positions: Iterable[int], state: Facts, goal: Condition, rules: DerivedRules
+    steps: Sequence[Step], positions: Iterable[int], state: Mapping[Atom, bool], goal: Condition, rules: DerivedRules
 ) -> tuple[tuple[int, ...], bool]:
     """The positions whose steps can be done in turn, and whether the goal holds after them."""
-    current, done = dict(state), []
-    known: Mapping[Atom, bool] = rules.complete(current)
-    for position in positions:
-        step = steps[position]
-        if step.precondition.truth(known):
-            for atom, value in step.changes(known).items():
-                if value is None:
-                    current.pop(atom, None)
-                else:
-                    current[atom] = value
-            known = rules.complete(current)
-            done.append(position)
-    return tuple(done), goal.truth(known) is True
+    current = dict(state)
+    done = tuple(position for position in positions if _carry_out(steps[position], current, rules))
+    return done, goal.truth(rules.complete(current, goal.atoms)) is True
+
+
+def _carry_out(step: Step, state: dict[Atom, bool], rules: DerivedRules) -> bool:
+    """Whether the step can be done in the state, which becomes the one after it."""
+    known = rules.complete(state, _asked(step)) if rules else state
+    if not step.precondition.truth(known):
+        return False
+    for atom, value in step.changes(known).items():
+        if value is None:
+            state.pop(atom, None)
+        else:
+            state[atom] = value
+    return True
+
+
+def _asked(step: Step) -> frozenset[Atom]:
+    """The atoms that the step's precondition and the conditions of its effects name."""
+    return step.precondition.atoms.union(*(effect.condition.atoms for effect in step.effects))

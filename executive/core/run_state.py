@@ -190,7 +190,7 @@ class RunState:
             return self.unsure(self.task.atoms, sure)
         unsure = self.unsure(self._asked_for(self.goal), sure)
         # A disjunction that holds by what is sure hangs on nothing else.
-        left, plain = self.completed(self.seen.without(unsure)), self.goal.facts
+        left, plain = self.task.derived.complete(self.seen.without(unsure), self.goal.atoms), self.goal.facts
         hanging = [part for part in self.goal.conjuncts if part.truth(left) is not True]
         kept = frozenset(self._asked_for(Condition.all_of(hanging)))
         return tuple(atom for atom in unsure if atom in plain or atom in kept)
@@ -203,13 +203,9 @@ class RunState:
         doubtful, plain = self.unsure(self._asked_for(self.goal), claim), self.goal.facts
         return self.seen.without([atom for atom in doubtful if atom not in plain or self.seen.get(atom) is plain[atom]])
 
-    def completed(self, facts: Facts) -> Mapping[Atom, bool]:
-        """The facts with the derived atoms that follow from them."""
-        return self.task.derived.complete(facts)
-
     def compared(self, condition: Condition, facts: Facts) -> tuple[Facts, Verdict]:
         """The literals by which a condition is judged where `facts` hold, and what becomes of each."""
-        known = self.completed(facts)
+        known = self.task.derived.complete(facts, condition.atoms)
         expected = condition.decisive(known)
         return expected, compare(expected, known)
 
@@ -236,7 +232,7 @@ class RunState:
     def grounded(self, decision: Decision) -> Decision:
         """The decision with what is believed now of the atoms that spoke for it, and with what the skill said."""
         probability = self.judgement.probability if self.judgement else {}
-        known = self.completed(self.seen if self.moment.looks else self.known)
+        known = self.task.derived.complete(self.seen if self.moment.looks else self.known, decision.evidence)
 
         def ground(atom: Atom) -> Ground:
             expected = self.moment.expected.get(atom, self.goal.facts.get(atom))
@@ -292,7 +288,7 @@ class RunState:
 
     def holds(self, condition: Condition, facts: Facts) -> bool:
         """Whether a condition holds where `facts` do; not, where that is unknown."""
-        return condition.truth(self.completed(facts)) is True
+        return condition.truth(self.task.derived.complete(facts, condition.atoms)) is True
 
     @property
     def possible(self) -> tuple[Atom, ...]:

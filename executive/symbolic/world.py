@@ -200,7 +200,7 @@ class SymbolicWorld:
         return SkillResult(step, SkillStatus.DONE, "", ACTION_SECONDS, ACTION_SECONDS)
 
     def _possible(self, step: Step) -> bool:
-        return step.precondition.truth(self._rules.complete(self._state)) is True
+        return step.precondition.truth(self._rules.complete(self._state, step.precondition.atoms)) is True
 
     def _change(self, step: Step) -> None:
         changes = step.changes(self._rules.complete(self._state))  # all told, as the state is complete

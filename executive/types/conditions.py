@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -360,17 +360,41 @@ class DerivedRules:
             groups.setdefault(level[atom], []).append(atom)
         return tuple(tuple(groups[number]) for number in sorted(groups))
 
-    def complete(self, state: Mapping[Atom, bool]) -> Mapping[Atom, bool]:
+    def complete(self, state: Mapping[Atom, bool], about: Iterable[Atom] | None = None) -> Mapping[Atom, bool]:
         """The state with the derived atoms that follow from it, true or false; what depends on atoms that the state
-        does not mention is left out."""
+        does not mention is left out. With `about`, only those among these, and what they are derived from."""
         if not self.rules:
             return state
-        known = {atom: value for atom, value in state.items() if atom not in self.rules}
-        for stratum in self.strata:
-            sure, possible = (self._fixpoint(stratum, known, wanted) for wanted in ((True,), (True, None)))
-            known.update(dict.fromkeys(sure, True))
-            known.update(dict.fromkeys(frozenset(stratum) - possible, False))
-        return known
+        rules = self if about is None else self._part(self.rules.keys() & about)
+        if not rules.rules:
+            return state
+        known = {atom: value for atom in rules.fluents if (value := state.get(atom)) is not None}
+        is_whole = len(known) == len(rules.fluents)
+        derived: dict[Atom, bool] = {}
+        for stratum in rules.strata:
+            sure = rules._fixpoint(stratum, known, (True,))
+            possible = sure if is_whole else rules._fixpoint(stratum, known, (True, None))
+            told = {atom: atom in sure for atom in stratum if atom in sure or atom not in possible}
+            known.update(told)
+            derived.update(told)
+        return {**state, **derived}
+
+    def _part(self, atoms: Set[Atom]) -> DerivedRules:
+        """The rules of these derived atoms, and of those that they are derived from."""
+        key = frozenset(atoms)
+        if key not in self._parts:
+            wanted, waiting = set[Atom](), list(key)
+            while waiting:
+                if (atom := waiting.pop()) not in wanted:
+                    wanted.add(atom)
+                    waiting += self.rules.keys() & self.rules[atom].atoms
+            self._parts[key] = DerivedRules({atom: self.rules[atom] for atom in sorted(wanted)})
+        return self._parts[key]
+
+    @cached_property
+    def _parts(self) -> dict[frozenset[Atom], DerivedRules]:
+        """The parts that were asked for."""
+        return {}
 
     def _fixpoint(
         self, stratum: tuple[Atom, ...], known: Mapping[Atom, bool], wanted: tuple[bool | None, ...]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ import numpy.typing as npt
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 Image: TypeAlias = npt.NDArray[np.uint8]
 DepthImage: TypeAlias = npt.NDArray[np.uint16]
+_T = TypeVar("_T")
 _NAME = r"[A-Za-z][A-Za-z0-9_\-]*"
 _ATOM = re.compile(rf"\s*({_NAME})\s*(?:\(\s*((?:{_NAME}(?:\s*,\s*{_NAME})*)?)\s*\))?\s*")
 
@@ -65,6 +66,13 @@ class Facts(Mapping[Atom, bool]):
         self._hash: int | None = None
 
     @classmethod
+    def _in_order(cls, truth: dict[Atom, bool]) -> Facts:
+        """Facts of pairs that are in order already, and of the right types."""
+        facts = cls.__new__(cls)
+        facts._truth, facts._hash = MappingProxyType(truth), None
+        return facts
+
+    @classmethod
     def closed(cls, true: Iterable[Atom], universe: Iterable[Atom]) -> Facts:
         """Every atom of `universe`: true when in `true`, else false (the closed-world reading of a PDDL :init)."""
         holding = frozenset(true)
@@ -92,6 +100,21 @@ class Facts(Mapping[Atom, bool]):
     def __len__(self) -> int:
         return len(self._truth)
 
+    # What `Mapping` has of these is many times slower.
+
+    def keys(self) -> KeysView[Atom]:
+        return self._truth.keys()
+
+    def items(self) -> ItemsView[Atom, bool]:
+        return self._truth.items()
+
+    @overload
+    def get(self, atom: Atom, default: None = None, /) -> bool | None: ...
+    @overload
+    def get(self, atom: Atom, default: bool | _T, /) -> bool | _T: ...
+    def get(self, atom: Atom, default: bool | _T | None = None, /) -> bool | _T | None:
+        return self._truth.get(atom, default)
+
     def __hash__(self) -> int:
         if self._hash is None:
             self._hash = hash(frozenset(self._truth.items()))
@@ -102,7 +125,8 @@ class Facts(Mapping[Atom, bool]):
 
     def __or__(self, other: Mapping[Atom, bool]) -> Facts:
         """These facts, overridden by `other`."""
-        return Facts({**self._truth, **other})
+        merged = {**self._truth, **other}
+        return Facts._in_order(merged) if len(merged) == len(self._truth) else Facts(merged)
 
     def __repr__(self) -> str:
         return f"Facts({', '.join(self.literals())})"
@@ -121,11 +145,11 @@ class Facts(Mapping[Atom, bool]):
 
     def without(self, atoms: Iterable[Atom]) -> Facts:
         dropped = frozenset(atoms)
-        return Facts({atom: value for atom, value in self._truth.items() if atom not in dropped})
+        return Facts._in_order({atom: value for atom, value in self._truth.items() if atom not in dropped})
 
     def only(self, atoms: Iterable[Atom]) -> Facts:
         kept = frozenset(atoms)
-        return Facts({atom: value for atom, value in self._truth.items() if atom in kept})
+        return Facts._in_order({atom: value for atom, value in self._truth.items() if atom in kept})
 
     def entails(self, required: Mapping[Atom, bool]) -> bool:
         """Whether every literal of `required` is mentioned here with the same sign."""

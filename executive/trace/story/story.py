@@ -39,6 +39,7 @@ from executive.types import (
     SkillResult,
     Started,
     Step,
+    Task,
     Timing,
 )
 
@@ -133,6 +134,8 @@ class Story:
     left: tuple[Step, ...] = ()
     """The steps of the plan that come after the one that was dispatched last."""
     _current: StepLine | None = None
+    _unreached: tuple[str, ...] | None = None
+    """What `unreached` says, until there is news of what is believed."""
     _cycle: list[Event] = field(default_factory=list)
 
     @property
@@ -162,8 +165,13 @@ class Story:
         """The parts of the goal that the last looks did not show."""
         if self.started is None:
             return ()
-        task = self.started.task
-        held = task.derived.complete({atom: probability >= 0.5 for atom, probability in self.probability.items()})
+        if self._unreached is None:
+            self._unreached = self._to_reach(self.started.task)
+        return self._unreached
+
+    def _to_reach(self, task: Task) -> tuple[str, ...]:
+        known = {atom: probability >= 0.5 for atom, probability in self.probability.items()}
+        held = task.derived.complete(known, task.goal.atoms)
         return tuple(str(part) for part in task.goal.conjuncts if part.truth(held) is not True)
 
     @property
@@ -199,6 +207,7 @@ class Story:
         match event.payload:
             case Started() as started:
                 self.started, self.began = started, event
+                self._unreached = None
             case Resumed() as resumed:
                 self._resume(resumed)
             case Observation():
@@ -209,10 +218,12 @@ class Story:
                     self.phase = "look"
             case Belief(probability=probability, unanswered=unanswered) if not self.at_work:  # a glance is the guard's
                 self.probability.update(probability)
+                self._unreached = None
                 for atom in unanswered:
                     self.probability.pop(atom, None)
             case Judged() as judged:
                 self.probability.update({a: p for a, p in judged.probability.items() if a in judged.seen})
+                self._unreached = None
                 for contradiction in judged.contradictions:
                     self._remark(contradiction)
             case Guarded(held=held) as guarded:
