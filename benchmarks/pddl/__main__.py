@@ -13,7 +13,7 @@ import argparse
 import importlib
 import sys
 
-PARTS = ("reading", "loop")
+PARTS = ("reading", "planning", "loop")
 """Each a module here with a function `main`, which takes the arguments."""
 
 

@@ -22,7 +22,7 @@ from typing import TypeAlias
 from executive.domain.pddl import Schema
 from executive.planning.engine import SasFile, find_search
 from executive.planning.goal_order import State, by_goals, replay
-from executive.planning.sas_task import GroundedTask, SasTask, TooManyAlternativesError, size
+from executive.planning.sas_task import GroundedTask, NoLiteralsError, SasTask, size
 from executive.planning.translation import TranslatedTask, TranslatorError
 from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Step
 
@@ -52,11 +52,11 @@ class _Search:
     text: str
 
 
-_GREEDY = _Search("lazy_greedy(ff())", "let(relaxed, ff({0}), lazy_greedy([relaxed], preferred=[relaxed]))")
+_GREEDY = _Search("lazy_greedy(ff())", "let(relaxed, {ff}, lazy_greedy([relaxed], preferred=[relaxed]))")
 _LAMA = _Search(
     "lama-first",
-    "let(landmarks, landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=false{1}),"
-    " let(relaxed, ff({0}), lazy_greedy([relaxed, landmarks], preferred=[relaxed, landmarks], reopen_closed=false)))",
+    "let(landmarks, {landmarks}, let(relaxed, {ff},"
+    " lazy_greedy([relaxed, landmarks], preferred=[relaxed, landmarks], reopen_closed=false)))",
 )
 _LMCUT = _Search("astar(lmcut())", "astar(lmcut())")
 _CONDITIONAL = _Search("astar(hmax())", "astar(hmax())")
@@ -67,7 +67,11 @@ deterministic."""
 _LEAST = "eager_greedy([lmcut()], bound=0)"
 """Works out one heuristic value and ends: no state is worth going on from."""
 
-_COSTS = ("transform=adapt_costs(plusone)", ", transform=adapt_costs(plusone)")
+_EVALUATORS = {
+    "ff": "ff()",
+    "landmarks": "landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=false)",
+}
+_WITH_COSTS = {name: f"eval_modify_costs({text}, cost_type=plusone)" for name, text in _EVALUATORS.items()}
 """Where actions have costs, a greedy search takes each to cost one more, so that many free ones do not lead astray."""
 
 _FEW = 100
@@ -187,7 +191,7 @@ class FastDownwardPlanner:
             if self._grounded is not None:
                 try:
                     return self._grounded if self._grounded.ground(stop) else NoPlan(NoPlanReason.TIMED_OUT)
-                except TooManyAlternativesError:
+                except NoLiteralsError:
                     self._grounded = None
             self._translated = self._translated or TranslatedTask(self._schema)
             if not self._translated.covers(true, goal):
@@ -244,7 +248,8 @@ class _Question:
         if left <= 0:
             return NoPlan(NoPlanReason.TIMED_OUT)
         try:
-            answer = self._file.search(way.text.format(*(_COSTS if self._task.costs else ("", ""))), left * share)
+            text = way.text.format(**(_WITH_COSTS if self._task.costs else _EVALUATORS))
+            answer = self._file.search(text, left * share)
         except (OSError, ValueError) as error:
             return NoPlan(NoPlanReason.CRASHED, f"{type(error).__name__}: {error}")
         ended = answer.ended

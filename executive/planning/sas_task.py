@@ -5,24 +5,22 @@ task is grounded once, and a state and a goal become a few lines of a file: a va
 that every state and every goal can be written down, and an operator for each grounded action that can change something
 (the search refuses operators without effects). Which invariants there are need not be known.
 
-`GroundedTask` grounds every action over all objects that fit its types, in this process: for a small task that takes
-less time than to start another. Larger tasks are left to Fast Downward's translator (`executive.planning.translation`).
+`GroundedTask` grounds every action over all objects that fit its types, in this process: for a small task of literals
+that takes less time than to start another. Others are left to Fast Downward's translator
+(`executive.planning.translation`).
 """
 
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 from executive.domain.pddl import Schema
+from executive.planning.sas_operators import rule_text
 from executive.types import ALWAYS, Atom, Condition, Facts, Step
 
 Stop: TypeAlias = "Callable[[], bool]"
-
-MOST_ALTERNATIVES = 64
-"""Conjunctions that a condition may be the disjunction of, to be written down in this process."""
 
 _FRACTION = 1_000
 
@@ -96,9 +94,10 @@ class SasTask:
             state.append("1")
             goals.append(f"{number} 0")
             for part in choice:
-                for needs in alternatives(part, math.inf):
+                for needs in alternatives(part):
                     if all(atom in self.number or not value for atom, value in needs.items()):
-                        rules.append(_rule(number, [(self.number[a], v) for a, v in needs.items() if a in self.number]))
+                        known = [2 * self.number[a] + (not v) for a, v in needs.items() if a in self.number]
+                        rules.append(rule_text(number, known))
                         possible = True
             if not possible:
                 return None
@@ -126,7 +125,7 @@ class GroundedTask(SasTask):
     def __init__(self, schema: Schema) -> None:
         super().__init__()
         self._steps: list[Step] = []
-        self._written: list[tuple[Step, str]] = []
+        self._operators: list[str] = []
         self._fixed: list[tuple[tuple[Atom, bool], ...]] = []
         self._makes: dict[Atom, set[bool]] = {}
         self.number = {atom: number for number, atom in enumerate(schema.task.atoms)}
@@ -141,7 +140,7 @@ class GroundedTask(SasTask):
         done. Not to be called from two threads at once.
 
         Raises:
-            TooManyAlternativesError: a condition cannot be written down here.
+            NoLiteralsError: the task has other conditions than conjunctions of literals.
         """
         return not any(stop() for _ in self._work)
 
@@ -150,20 +149,19 @@ class GroundedTask(SasTask):
             for args in schema.arguments(name):
                 with contextlib.suppress(ValueError):  # this one contradicts itself
                     step = schema.ground(name, args)
+                    if step.precondition.choices or any(effect.condition != ALWAYS for effect in step.effects):
+                        raise NoLiteralsError
                     if any(not step.precondition.facts.entails(effect.facts) for effect in step.effects):
                         self._steps.append(step)
                 yield
         self.costs = schema.has_costs
-        self.conditional = any(effect.condition != ALWAYS for step in self._steps for effect in step.effects)
         self.scale = scale(step.cost for step in self._steps)
         for number, step in enumerate(self._steps):
-            for text in self._operators(number, step):
-                self._written.append((step, text))
-            for effect in step.effects:
-                for atom, value in effect.facts.items():
-                    self._makes.setdefault(atom, set()).add(value)
+            self._operators.append(self._operator(number, step))
+            for atom, value in step.unconditional.items():
+                self._makes.setdefault(atom, set()).add(value)
             yield
-        for step, _ in self._written:
+        for step in self._steps:
             fixed = ((atom, value) for atom, value in step.precondition.facts.items() if atom not in self._makes)
             self._fixed.append(tuple(fixed))
             yield
@@ -176,7 +174,7 @@ class GroundedTask(SasTask):
         lasting = {atom for atom, values in self._makes.items() if values == {atom in true}}
         operators = [
             text
-            for (step, text), fixed in zip(self._written, self._fixed, strict=True)
+            for step, text, fixed in zip(self._steps, self._operators, self._fixed, strict=True)
             if all((atom in true) is value for atom, value in fixed)
             and not (lasting and lasting.issuperset(step.affects))
             and not (avoid and step in avoid)
@@ -186,72 +184,35 @@ class GroundedTask(SasTask):
     def step(self, name: str) -> Step:
         return self._steps[int(name[1:])]
 
-    def _operators(self, number: int, step: Step) -> Iterator[str]:
-        """An operator for each way in which the precondition can hold."""
-        effects, cost = list(_effects(step)), round(step.cost * self.scale)
-        for alternative in alternatives(step.precondition):
-            needs = {self.number[atom]: 0 if value else 1 for atom, value in alternative.items()}
-            changed = []
-            changing = set()
-            for condition, atom, value in effects:
-                variable, after = self.number[atom], 0 if value else 1
-                if needs.get(variable) == after or any(alternative.get(a, v) is not v for a, v in condition.items()):
-                    continue
-                left = [f"{self.number[a]} {0 if v else 1}" for a, v in condition.items() if a not in alternative]
-                changed.append(" ".join([str(len(left)), *left, f"{variable} {needs.get(variable, -1)} {after}"]))
-                changing.add(variable)
-            if changed:
-                kept = [f"{variable} {value}" for variable, value in needs.items() if variable not in changing]
-                lines = ["begin_operator", f"s{number}", str(len(kept)), *kept, str(len(changed)), *changed, str(cost)]
-                yield "\n".join([*lines, "end_operator"])
+    def _operator(self, number: int, step: Step) -> str:
+        needs = {self.number[atom]: 0 if value else 1 for atom, value in step.precondition.facts.items()}
+        gives = {self.number[atom]: 0 if value else 1 for atom, value in step.unconditional.items()}
+        kept = [f"{atom} {value}" for atom, value in needs.items() if gives.get(atom, value) == value]
+        changed = [
+            f"0 {atom} {needs.get(atom, -1)} {value}" for atom, value in gives.items() if needs.get(atom) != value
+        ]
+        cost = round(step.cost * self.scale)
+        lines = ["begin_operator", f"s{number}", str(len(kept)), *kept, str(len(changed)), *changed, str(cost)]
+        return "\n".join([*lines, "end_operator"])
 
 
-class TooManyAlternativesError(Exception):
-    """A condition is the disjunction of too many conjunctions to be written out."""
+class NoLiteralsError(Exception):
+    """A grounded action needs more than literals, or its effects hang on conditions."""
 
 
-def alternatives(condition: Condition, most: float = MOST_ALTERNATIVES) -> list[Facts]:
-    """The conjunctions of literals that a condition is the disjunction of.
-
-    Raises:
-        TooManyAlternativesError: there are more than `most`.
-    """
+def alternatives(condition: Condition) -> list[Facts]:
+    """The conjunctions of literals that a condition is the disjunction of."""
     found: list[Mapping[Atom, bool]] = [condition.facts]
     for choice in condition.choices:
-        parts = [inner for part in choice for inner in alternatives(part, most)]
+        parts = [inner for part in choice for inner in alternatives(part)]
         found = [
             {**before, **inner}
             for before in found
             for inner in parts
             if all(before.get(atom, value) is value for atom, value in inner.items())
         ]
-        if len(found) > most:
-            raise TooManyAlternativesError(str(condition))
-    return [facts if isinstance(facts, Facts) else Facts(facts) for facts in found]
-
-
-def _effects(step: Step) -> Iterator[tuple[Facts, Atom, bool]]:
-    """Each effect on an atom with a conjunction of literals under which it comes about: an atom both deleted and added
-    is true afterwards."""
-    if len(step.effects) == 1 and step.effects[0].condition == ALWAYS:
-        for atom, value in step.effects[0].facts.items():
-            yield ALWAYS.facts, atom, value
-        return
-    adding: dict[Atom, list[Condition]] = {}
-    for effect in step.effects:
-        for atom in effect.facts.true:
-            adding.setdefault(atom, []).append(effect.condition)
-    for effect in step.effects:
-        for atom, value in effect.facts.items():
-            others = () if value else (~condition for condition in adding.get(atom, ()))
-            for needs in alternatives(Condition.all_of((effect.condition, *others))):
-                yield needs, atom, value
+    return [Facts(facts) for facts in found]
 
 
 def _variable(number: int, layer: int = -1) -> str:
     return f"begin_variable\nv{number}\n{layer}\n2\nAtom a{number}()\nNegatedAtom a{number}()\nend_variable"
-
-
-def _rule(number: int, needs: Iterable[tuple[int, bool]]) -> str:
-    lines = [f"{variable} {0 if value else 1}" for variable, value in needs]
-    return "\n".join(["begin_rule", str(len(lines)), *lines, f"{number} 1 0", "end_rule"])

@@ -14,12 +14,12 @@ from __future__ import annotations
 import contextlib
 import tempfile
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executive.domain.pddl import Schema
 from executive.planning.engine import TRANSLATOR, run_program, translator_command
 from executive.planning.pddl_text import FINISH, PddlText
+from executive.planning.sas_operators import Operator, Reachability, Rule, relevant
 from executive.planning.sas_task import SasTask, scale
 from executive.types import Atom, Condition, Step
 
@@ -72,9 +72,9 @@ class TranslatedTask(SasTask):
         super().__init__()
         self._schema = schema
         self._text = PddlText(schema)
-        self._operators: list[_Operator] = []
-        self._needs: dict[int, set[int]] = {}
-        self._rules: list[tuple[int, str]] = []
+        self._operators: list[Operator] = []
+        self._rules: list[Rule] = []
+        self._reachability = Reachability(0, (), ())
         self._from: frozenset[Atom] | None = None
         self._asked: frozenset[Atom] = frozenset()
 
@@ -110,24 +110,19 @@ class TranslatedTask(SasTask):
     def relevant(
         self, true: frozenset[Atom], goal: Condition, avoid: Collection[Step] = frozenset()
     ) -> tuple[list[str], list[str]]:
-        matter = self._that_matter(goal)
         left_out = {self._text.call(step) for step in avoid}
-        operators = [
-            operator.text if operator.changes <= matter else operator.on(matter)
-            for operator in self._operators
-            if operator.name not in left_out and not operator.changes.isdisjoint(matter)
-        ]
-        return operators, [rule for head, rule in self._rules if head in matter]
-
-    def _that_matter(self, goal: Condition) -> set[int]:
-        """The variables that may matter for a goal: its own, and what must be so to change one that matters."""
-        waiting = [self.number[atom] for atom in goal.atoms if atom in self.number]
-        relevant = set(waiting)
-        while waiting:
-            found = self._needs.get(waiting.pop(), set()) - relevant
-            relevant |= found
-            waiting += found
-        return relevant
+        operators = [operator for operator in self._operators if operator.name not in left_out]
+        rules = self._rules
+        state = [1] * len(self.variables)
+        for atom in true:
+            state[self.number[atom]] = 0
+        if not self._reachability.open(state):
+            reached = self._reachability.reached(state)
+            operators = [left for each in operators if (left := each.simplified(reached)) is not None]
+            rules = [left_ for rule in rules if (left_ := rule.simplified(reached)) is not None]
+        wanted = (self.number[atom] for atom in goal.atoms if atom in self.number)
+        operators, rules = relevant(wanted, operators, rules)
+        return [operator.text for operator in operators], [rule.text for rule in rules]
 
     def step(self, name: str) -> Step:
         call = self._text.action(name)
@@ -151,70 +146,24 @@ class TranslatedTask(SasTask):
             self.variables.append(text)
         self.derived = frozenset(derived)
         _state, _, tail = tail.partition("\nend_goal\n")
-        self.conditional = False
-        self._operators, self._needs = [], {}
-        found = [
-            (operator, self._text.action(operator.name)) for operator in map(_Operator.read, _blocks(tail, "operator"))
-        ]
-        costs: list[float] = []
-        for operator, call in found:
+        shared, costs = list(range(2 * len(self.variables))), list[float]()
+        self._operators = []
+        for text in _blocks(tail, "operator"):
+            operator = Operator.read(text, shared)
+            call = self._text.action(operator.name)
             with contextlib.suppress(ValueError):  # without a value for its cost it can never be carried out
                 if call is not None:
                     costs.append(self._schema.cost(*call))
                     self._operators.append(operator)
-                    for variables, variable in operator.effects:
-                        self.conditional = self.conditional or bool(variables)
-                        self._needs.setdefault(variable, set()).update(operator.needs, variables)
         self.costs = self._schema.has_costs
         if self.costs:
             self.scale = scale(costs)
             pairs = zip(self._operators, costs, strict=True)
             self._operators = [operator.costing(round(cost * self.scale)) for operator, cost in pairs]
-        self._rules = []
-        for text in _blocks(tail, "rule"):
-            *conditions, head = [int(fact.split()[0]) for fact in text.split("\n")[2:-1]]
-            self._needs.setdefault(head, set()).update(conditions)
-            self._rules.append((head, text))
+        self._rules = [Rule.read(text) for text in _blocks(tail, "rule")]
+        self.conditional = any(operator.conditional for operator in self._operators)
         self.axioms = bool(self._rules)
-
-
-@dataclass(frozen=True, slots=True)
-class _Operator:
-    """An operator of the translator's: its name, the variables that it needs and that it changes, for each effect the
-    variables of its conditions and the one that it changes, and its text."""
-
-    name: str
-    needs: frozenset[int]
-    changes: frozenset[int]
-    effects: tuple[tuple[tuple[int, ...], int], ...]
-    text: str
-
-    @classmethod
-    def read(cls, text: str) -> _Operator:
-        lines = text.split("\n")
-        kept = int(lines[2])
-        needs = {int(line.split()[0]) for line in lines[3 : 3 + kept]}
-        effects = []
-        for line in lines[4 + kept : -2]:
-            count, *parts = line.split()
-            variable, before, _after = parts[-3:]
-            if before != "-1":
-                needs.add(int(variable))
-            effects.append((tuple(map(int, parts[: 2 * int(count) : 2])), int(variable)))
-        changes = frozenset(variable for _, variable in effects)
-        return cls(lines[1].rstrip(), frozenset(needs), changes, tuple(effects), text)
-
-    def costing(self, cost: int) -> _Operator:
-        """The operator with a cost."""
-        before, _, _ = self.text.removesuffix("\nend_operator").rpartition("\n")
-        return replace(self, text=f"{before}\n{cost}\nend_operator")
-
-    def on(self, relevant: set[int]) -> str:
-        """The text without what it does to other variables than these."""
-        lines = self.text.split("\n")
-        first = 4 + int(lines[2])
-        left = [line for line, (_, variable) in zip(lines[first:-2], self.effects, strict=True) if variable in relevant]
-        return "\n".join([*lines[: first - 1], str(len(left)), *left, *lines[-2:]])
+        self._reachability = Reachability(len(self.variables), self._operators, self._rules)
 
 
 def _blocks(text: str, kind: str) -> list[str]:
