@@ -114,6 +114,7 @@ IN_DOMAIN = {
     ),
     "derived of another arity": ("  (:action", "  (:derived (robot-gripping) (and))\n(:action", 8, "does not fit"),
     "processes": (":action pick", ":process pick", 8, ":process is not supported: processes"),
+    "an observation": (EFFECT, f":observe (robot-gripper-empty) {EFFECT}", 11, "partial observability"),
     "durative": (":action pick", ":durative-action pick", 8, "actions that take time"),
 }
 IN_PROBLEM = {
