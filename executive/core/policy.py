@@ -155,20 +155,20 @@ def after(turn: StepOutcome, settings: Settings) -> Decision:
     # One look is enough where skill and estimator agree: both say that it worked, or both say that it did not.
     agreed = as_planned if result.done else broken
     if not agreed and may_look and turn.looks == 1:
-        broken_plan = () if reported or surprises else (Cause(Reason.PLAN_BROKEN, steps=named),)
+        broken_plan = () if reported or surprises else (Cause(Reason.PLAN_INVALID, steps=named),)
         return Decision(DecisionKind.LOOK_AGAIN, (*reported, *surprises, *broken_plan), evidence or step.affects)
     if turn.rest is not None:
         causes, skipped = (*reported, *surprises, *doubts), turn.planned - len(turn.rest)
         if skipped:
             causes += (Cause(Reason.STEPS_UNNEEDED, count=skipped, total=turn.planned),)
         elif causes:
-            causes += (Cause(Reason.PLAN_HOLDS),)
+            causes += (Cause(Reason.PLAN_VALID),)
         return Decision(DecisionKind.CONTINUE, causes or (Cause(Reason.AS_EXPECTED),), evidence or step.affects)
     causes = (*(reported or (Cause(Reason.STEP_FAILED, steps=named),)), *surprises, *doubts)
     evidence = evidence or tuple(turn.doubts)
     enough = turn.failures.too_many(result.status, settings)
     if not enough and turn.repeatable and turn.attempt <= settings.max_retries:
-        again = Cause(Reason.TRY, count=turn.attempt + 1, total=settings.max_retries + 1)
+        again = Cause(Reason.RETRY, count=turn.attempt + 1, total=settings.max_retries + 1)
         return Decision(DecisionKind.RETRY, (*causes, again), evidence)
     return _fail(causes, evidence, turn.failures, result.status, settings)
 
@@ -193,14 +193,14 @@ def unplanned(no_plan: NoPlan, times: int, doubts: UncertainAtoms, settings: Set
     cause = Cause(code, steps=no_plan.without, detail=no_plan.detail)
     if no_plan.reason is not NoPlanReason.UNSOLVABLE:
         if times == 1:
-            return Decision(DecisionKind.REPLAN, (cause, Cause(Reason.ASKED_AGAIN)))
+            return Decision(DecisionKind.REPLAN, (cause, Cause(Reason.PLANNER_ASKED_AGAIN)))
         return _stop(OutcomeKind.NO_PLAN, replace(cause, count=times))
     if not doubts.atoms:
         return _stop(OutcomeKind.NO_PLAN, cause)
     if times == 1:
         return Decision(DecisionKind.LOOK_AGAIN, (cause, Cause(Reason.BELIEF_DOUBTED)), doubts.atoms)
     if doubts.unsure and times <= settings.max_looks_again:
-        return Decision(DecisionKind.LOOK_AGAIN, (cause, Cause(Reason.UNSURE, doubts.unsure)), doubts.unsure)
+        return Decision(DecisionKind.LOOK_AGAIN, (cause, Cause(Reason.UNCERTAIN, doubts.unsure)), doubts.unsure)
     return Decision(DecisionKind.GIVE_UP_GOAL, (cause,))
 
 
@@ -213,7 +213,7 @@ def optimistic(cause: Decision, found: OptimisticPlan) -> Decision:
 def goes_around(cause: Decision) -> Decision:
     """`cause` calls for giving up goals, as a step fails again and again, and there is a plan for all of them without
     that step."""
-    return Decision(DecisionKind.REPLAN, (*cause.causes, Cause(Reason.WAY_AROUND)), cause.evidence)
+    return Decision(DecisionKind.REPLAN, (*cause.causes, Cause(Reason.PLAN_WITHOUT_STEP)), cause.evidence)
 
 
 def given_up(cause: Decision, goal: Condition, kept: Condition, is_stuck: bool) -> Decision:
@@ -247,7 +247,7 @@ def finish(
     # What was given up is worth more looks than what holds: it may have come within reach and not be believed yet.
     if verdict.satisfied and unsure and (once_more or (gave_up and many_more)):
         atoms = tuple(sorted(unsure))
-        return Decision(DecisionKind.LOOK_AGAIN, (Cause(Reason.GOAL_UNSURE, atoms),), atoms)
+        return Decision(DecisionKind.LOOK_AGAIN, (Cause(Reason.GOAL_UNCERTAIN, atoms),), atoms)
     if verdict.satisfied and not gave_up:
         return _stop(OutcomeKind.GOAL_REACHED, Cause(Reason.GOAL_SEEN), evidence=_atoms(goal))
     if verdict.satisfied:
@@ -275,7 +275,7 @@ def finish(
 
 def finish_blind(goal: Condition) -> Decision:
     """Nothing is left to do for an executive that does not look: it believes what it assumed."""
-    return _stop(OutcomeKind.PLAN_COMPLETED, Cause(Reason.NOBODY_LOOKED), evidence=_atoms(goal))
+    return _stop(OutcomeKind.PLAN_COMPLETED, Cause(Reason.GOAL_NOT_OBSERVED), evidence=_atoms(goal))
 
 
 def exhausted(settings: Settings, **used: float) -> Decision | None:

@@ -34,7 +34,8 @@ class OutcomeKind(StrEnum):
 
 
 class Reason(StrEnum):
-    """The code of a reason for a decision. The comment says which parameters its `Cause` has."""
+    """The code of a reason for a decision. The comment says which parameters its `Cause` has; docs/reference/reasons.md
+    says what each means."""
 
     # At the first look.
     ALL_KNOWN = "all-known"
@@ -56,10 +57,10 @@ class Reason(StrEnum):
     SEEN_INSTEAD = "seen-instead"  # atoms
     UNEXPECTED = "unexpected"  # atoms
     EFFECTS_ASSUMED = "effects-assumed"
-    PLAN_HOLDS = "plan-holds"
-    PLAN_BROKEN = "plan-broken"  # steps: the one that was carried out
+    PLAN_VALID = "plan-valid"
+    PLAN_INVALID = "plan-invalid"  # steps: the one that was carried out
     STEPS_UNNEEDED = "steps-unneeded"  # count of total
-    TRY = "try"  # count of total
+    RETRY = "retry"  # count of total
     FAILED_WITH_SAME_FACTS = "failed-with-same-facts"  # count
     FAILED_TOO_OFTEN = "failed-too-often"  # count
     # When planning.
@@ -67,18 +68,18 @@ class Reason(StrEnum):
     UNSOLVABLE = "unsolvable"  # steps that had to be avoided, detail, count if it was asked more than once
     PLANNER_TIMED_OUT = "planner-timed-out"  # the same
     PLANNER_CRASHED = "planner-crashed"  # the same
-    ASKED_AGAIN = "asked-again"
+    PLANNER_ASKED_AGAIN = "planner-asked-again"
     BELIEF_DOUBTED = "belief-doubted"
-    UNSURE = "unsure"  # atoms
+    UNCERTAIN = "uncertain"  # atoms
     OPTIMISTIC_PLAN = "optimistic-plan"  # atoms: what is assumed to be true
-    WAY_AROUND = "way-around"
+    PLAN_WITHOUT_STEP = "plan-without-step"
     WHOLE_GOAL_REACHABLE = "whole-goal-reachable"
     NOTHING_REACHABLE = "nothing-reachable"
     GOAL_GIVEN_UP = "goal-given-up"  # literals
     GOAL_KEPT = "goal-kept"  # literals
     # When no step is left.
     GOAL_SEEN = "goal-seen"
-    GOAL_UNSURE = "goal-unsure"  # atoms
+    GOAL_UNCERTAIN = "goal-uncertain"  # atoms
     GOAL_NOT_SEEN = "goal-not-seen"  # atoms
     GOAL_UNKNOWN = "goal-unknown"  # atoms
     GOAL_ONLY_BELIEVED = "goal-only-believed"  # atoms, count of looks
@@ -86,7 +87,7 @@ class Reason(StrEnum):
     REST_OF_GOAL_SEEN = "rest-of-goal-seen"
     REACHABLE_AGAIN = "reachable-again"  # literals
     GIVEN_UP_BEFORE = "given-up-before"  # literals; the causes that follow are why
-    NOBODY_LOOKED = "nobody-looked"
+    GOAL_NOT_OBSERVED = "goal-not-observed"
     # At any time.
     BUDGET_SPENT = "budget-spent"  # what (cycles, actions, looks, replans, seconds), total
     INTERRUPTED = "interrupted"  # detail; what, if it was in a stage of the loop

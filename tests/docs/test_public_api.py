@@ -89,7 +89,7 @@ def test_a_former_name_is_found_with_a_warning(module: str, former: str, now: st
 
 
 def test_the_former_reason_of_a_decision_is_its_causes_in_words() -> None:
-    decision = executive.Decision(executive.DecisionKind.REPLAN, (executive.Cause(executive.Reason.WAY_AROUND),))
+    decision = executive.Decision(executive.DecisionKind.REPLAN, (executive.Cause(executive.Reason.PLAN_WITHOUT_STEP),))
     with pytest.warns(FutureWarning, match=r"executive\.why"):
         assert getattr(decision, "reason") == executive.why(decision)  # noqa: B009  (no type knows of it)
 

@@ -115,9 +115,8 @@ def phase(some: Phase) -> str:
 
 
 def plan(some: Plan, number: int) -> str:
-    found = f", found by {some.planner}" if some.planner else ""
     steps = ", ".join(map(step, some.steps)) or "nothing is left to do"
-    return f"{plan_title(number, len(some.steps))}{found}: {steps}"
+    return f"{plan_title(number, len(some.steps))}: {steps}"
 
 
 def plan_title(number: int, steps: int) -> str:

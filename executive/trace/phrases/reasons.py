@@ -10,7 +10,7 @@ from executive.types import Atom, Cause, Decision, Ended, Reason
 _MOST = 4
 """How many things a reason lists, as a decision may have several reasons."""
 
-_JOINED = {Reason.UNSURE: ", and ", Reason.GOAL_KEPT: ", ", Reason.DONE_AGAIN: ": "}
+_JOINED = {Reason.UNCERTAIN: ", and ", Reason.GOAL_KEPT: ", ", Reason.DONE_AGAIN: ": "}
 """How a reason is joined to the one before it, where that is not by a semicolon."""
 
 
@@ -110,27 +110,27 @@ REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.SEEN_INSTEAD: lambda cause: f"seen instead: {_atoms(cause)}",
     Reason.UNEXPECTED: lambda cause: f"{_atoms(cause)} seen, which was not expected",
     Reason.EFFECTS_ASSUMED: lambda _: "nobody looks, its effects are assumed",
-    Reason.PLAN_HOLDS: lambda _: "the plan still reaches the goal",
-    Reason.PLAN_BROKEN: lambda cause: f"{_steps(cause)} is done, yet the plan does not reach the goal from here",
+    Reason.PLAN_VALID: lambda _: "the plan still reaches the goal",
+    Reason.PLAN_INVALID: lambda cause: f"{_steps(cause)} is done, yet the plan does not reach the goal from here",
     Reason.STEPS_UNNEEDED: lambda cause: f"{cause.count} of {cause.total:g} steps no longer needed",
-    Reason.TRY: lambda cause: f"trying again ({cause.count} of {cause.total:g})",
+    Reason.RETRY: lambda cause: f"trying again ({cause.count} of {cause.total:g})",
     Reason.FAILED_WITH_SAME_FACTS: lambda cause: f"it came to this {_times(cause)} from the same known facts",
     Reason.FAILED_TOO_OFTEN: lambda cause: f"it came to this {_times(cause)} by now",
     Reason.PLAN_FOUND: lambda cause: f"{plural(cause.count, 'step')} to go",
     Reason.UNSOLVABLE: _no_plan("unsolvable"),
     Reason.PLANNER_TIMED_OUT: _no_plan("timed out"),
     Reason.PLANNER_CRASHED: _no_plan("crashed"),
-    Reason.ASKED_AGAIN: lambda _: "asking once more",
+    Reason.PLANNER_ASKED_AGAIN: lambda _: "asking once more",
     Reason.BELIEF_DOUBTED: lambda _: "looking again at what is least certain, as what is believed may be wrong",
-    Reason.UNSURE: lambda cause: f"{_atoms(cause)} could be surer",
+    Reason.UNCERTAIN: lambda cause: f"{_atoms(cause)} could be surer",
     Reason.OPTIMISTIC_PLAN: lambda cause: f"before any of it is given up, it is tried as if {_atoms(cause)} were so",
-    Reason.WAY_AROUND: lambda _: "there is a plan that does without it",
+    Reason.PLAN_WITHOUT_STEP: lambda _: "there is a plan that does without it",
     Reason.WHOLE_GOAL_REACHABLE: lambda _: "yet there is a plan for the whole goal",
     Reason.NOTHING_REACHABLE: lambda _: "there is no other part of the goal to go for",
     Reason.GOAL_GIVEN_UP: lambda cause: f"giving up {_literals(cause)}",
     Reason.GOAL_KEPT: lambda cause: f"going for {_literals(cause)}",
     Reason.GOAL_SEEN: lambda _: "the goal is seen to hold",
-    Reason.GOAL_UNSURE: lambda cause: f"nothing is left to do, but {_atoms(cause)} could be surer",
+    Reason.GOAL_UNCERTAIN: lambda cause: f"nothing is left to do, but {_atoms(cause)} could be surer",
     Reason.GOAL_NOT_SEEN: lambda cause: f"nothing is left to do, but not seen as the goal has it: {_atoms(cause)}",
     Reason.GOAL_UNKNOWN: lambda cause: f"nothing is left to do, but cannot tell {_atoms(cause)}",
     Reason.GOAL_ONLY_BELIEVED: lambda cause: (
@@ -140,7 +140,7 @@ REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.REST_OF_GOAL_SEEN: lambda _: "what was left of the goal is seen to hold",
     Reason.REACHABLE_AGAIN: lambda cause: f"there is a plan for {_literals(cause)} now",
     Reason.GIVEN_UP_BEFORE: lambda cause: f"{_literals(cause)} was given up:",
-    Reason.NOBODY_LOOKED: lambda _: "the plan is carried out; nobody looked whether the goal holds",
+    Reason.GOAL_NOT_OBSERVED: lambda _: "the plan is carried out; nobody looked whether the goal holds",
     Reason.BUDGET_SPENT: lambda cause: f"the budget of {cause.total:g} {cause.what} is used up",
     Reason.INTERRUPTED: lambda cause: _stage_failed(cause) or "interrupted",
     Reason.STAGE_FAILED: _stage_failed,

@@ -106,7 +106,8 @@ def _lines(event: Event, story: Story, whole: bool) -> list[str]:
         case Decision() as decision:
             return _decided(decision)
         case Plan() as plan:
-            return [sentence(phrases.plan(plan, len(story.plans)))]
+            found = f" ({plan.planner})" if plan.planner else ""
+            return [sentence(f"{phrases.plan(plan, len(story.plans))}{found}")]
         case Ended() as end:
             return [sentence(phrases.account(end))]
         case payload if isinstance(payload, _TOLD):

@@ -268,7 +268,7 @@ def test_a_blind_run_carries_its_plan_out_and_claims_what_it_believes() -> None:
         False,
     )
     assert (ended.actions, ended.looks, ended.replans) == (4, 0, 0)
-    assert ended.codes == (Reason.NOBODY_LOOKED,)
+    assert ended.codes == (Reason.GOAL_NOT_OBSERVED,)
     assert stage.recorder.of(Observation) == []
     assert {belief.source for belief in stage.recorder.of(Belief)} == {"assumed"}
     assert stage.recorder.of(Belief)[-1].facts().entails(GOAL)

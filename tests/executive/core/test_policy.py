@@ -90,7 +90,7 @@ def test_a_surprise_that_matters_is_looked_at_once_more_and_then_believed() -> N
 def test_a_surprise_that_changes_nothing_is_believed_at_once() -> None:
     decision = after(verdict=ELSEWHERE)
     assert decision.kind is DecisionKind.CONTINUE
-    assert decision.codes == (Reason.EFFECT_MISSING, Reason.SEEN_INSTEAD, Reason.PLAN_HOLDS)
+    assert decision.codes == (Reason.EFFECT_MISSING, Reason.SEEN_INSTEAD, Reason.PLAN_VALID)
 
 
 def test_skill_and_eye_that_agree_on_a_failure_need_no_second_look() -> None:
@@ -308,7 +308,7 @@ def unplanned(
 def test_a_planner_that_failed_is_asked_once_more(reason: NoPlanReason, code: Reason) -> None:
     again = unplanned(NoPlan(reason, "signal 11"), 1)
     assert again.kind is DecisionKind.REPLAN
-    assert again.causes == (Cause(code, detail="signal 11"), Cause(Reason.ASKED_AGAIN))
+    assert again.causes == (Cause(code, detail="signal 11"), Cause(Reason.PLANNER_ASKED_AGAIN))
     assert unplanned(NoPlan(reason), 2).outcome is OutcomeKind.NO_PLAN
 
 

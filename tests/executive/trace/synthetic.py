@@ -271,7 +271,7 @@ def _retry(tape: Tape, step: Step, index: int, facts: Facts) -> Facts:
     tape.compare("effects", after, facts.without([gripping]), look)
     tape.emit(Decision(DecisionKind.LOOK_AGAIN, (Cause(Reason.CANNOT_TELL, (gripping,), (1,)),), (gripping,)))
     _check(tape, step, after, facts)
-    tape.emit(Decision(DecisionKind.RETRY, (Cause(Reason.TRY, count=2, total=3),), (gripping,)))
+    tape.emit(Decision(DecisionKind.RETRY, (Cause(Reason.RETRY, count=2, total=3),), (gripping,)))
     return _carry_out(tape, step, index, facts, attempt=2)
 
 

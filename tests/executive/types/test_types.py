@@ -159,9 +159,9 @@ def test_a_verdict_refuses_sets_that_overlap() -> None:
 def test_a_decision_has_an_outcome_exactly_when_it_stops() -> None:
     for kind in DecisionKind:
         stops = kind is DecisionKind.STOP
-        causes = (Cause(Reason.AS_EXPECTED), Cause(Reason.TRY, count=1))
+        causes = (Cause(Reason.AS_EXPECTED), Cause(Reason.RETRY, count=1))
         decision = Decision(kind, causes, outcome=OutcomeKind.GAVE_UP if stops else None)
-        assert (decision.code, decision.codes) == (Reason.AS_EXPECTED, (Reason.AS_EXPECTED, Reason.TRY))
+        assert (decision.code, decision.codes) == (Reason.AS_EXPECTED, (Reason.AS_EXPECTED, Reason.RETRY))
         with pytest.raises(ValueError, match="if and only if"):
             Decision(kind, causes, outcome=None if stops else OutcomeKind.GAVE_UP)
         with pytest.raises(ValueError, match="cause"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -44,20 +45,20 @@ PARAMETERS: dict[Reason, str] = {
     Reason.EFFECT_MISSING: "atoms",
     Reason.SEEN_INSTEAD: "atoms",
     Reason.UNEXPECTED: "atoms",
-    Reason.PLAN_BROKEN: "steps",
+    Reason.PLAN_INVALID: "steps",
     Reason.STEPS_UNNEEDED: "count total",
-    Reason.TRY: "count total",
+    Reason.RETRY: "count total",
     Reason.FAILED_WITH_SAME_FACTS: "count",
     Reason.FAILED_TOO_OFTEN: "count",
     Reason.PLAN_FOUND: "count",
     Reason.UNSOLVABLE: "steps detail count",
     Reason.PLANNER_TIMED_OUT: "steps detail count",
     Reason.PLANNER_CRASHED: "steps detail count",
-    Reason.UNSURE: "atoms",
+    Reason.UNCERTAIN: "atoms",
     Reason.OPTIMISTIC_PLAN: "atoms",
     Reason.GOAL_GIVEN_UP: "literals",
     Reason.GOAL_KEPT: "literals",
-    Reason.GOAL_UNSURE: "atoms",
+    Reason.GOAL_UNCERTAIN: "atoms",
     Reason.GOAL_NOT_SEEN: "atoms",
     Reason.GOAL_UNKNOWN: "atoms",
     Reason.GOAL_ONLY_BELIEVED: "atoms count",
@@ -85,6 +86,14 @@ def test_a_phrase_has_the_parameters_of_its_code_and_no_others(code: Reason) -> 
     without: dict[str, Any] = {field.name: field.default for field in fields(Cause) if field.name != "code"}
     used = {name for name, value in without.items() if why([full]) != why([replace(full, **{name: value})])}
     assert used == set(PARAMETERS.get(code, "").split())
+
+
+def test_the_page_of_reasons_has_each_code_with_its_parameters() -> None:
+    page = (Path(__file__).parents[4] / "docs" / "reference" / "reasons.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([a-z-]+)` \| [^|]+ \| ([^|]*)\|$", page, flags=re.MULTILINE)
+    names = {field.name for field in fields(Cause)}
+    shown = {code: {name for name in re.findall(r"`(\w+)`", told) if name in names} for code, told in rows}
+    assert shown == {str(code): set(PARAMETERS.get(code, "").split()) for code in Reason}
 
 
 @given(causes)
