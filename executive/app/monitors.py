@@ -22,7 +22,7 @@ from executive.belief import (
 from executive.domain.loader import Domain
 from executive.errors import OptionError
 from executive.planning.mutex_groups import find_mutexes
-from executive.planning.state_listing import list_states
+from executive.planning.state_listing import groups_of, list_states
 
 
 def open_monitor(
@@ -50,9 +50,9 @@ def open_monitor(
     counts = {} if domain.outcomes is None else sensor_fit.load_outcomes(domain.outcomes, domain.parsed.actions)
     sensor, thresholds = _sensor_model(config, domain, estimator, oracle or EXACT)
     found = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
-    network = MutexNetwork(domain.task.atoms, found.groups)
-    actions = ActionModel(counts) if config.memory else None
     space = list_states(domain.parsed, found)
+    network = MutexNetwork(domain.task.atoms, groups_of(found, space))
+    actions = ActionModel(counts) if config.memory else None
     return BayesMonitor(network, sensor, actions, thresholds, domain.looking.carried, space)
 
 

@@ -222,7 +222,7 @@ class BayesMonitor:
             if before is None:
                 now = PastEvidence((after,), after)
             elif atom in memory.evidence:
-                now = before.with_look(self.sensor_model.pooled(memory.evidence[atom]), after)
+                now = before.with_look(self.sensor_model.pooled(memory.evidence[atom], atom.predicate), after)
             else:
                 now = before
             kept[atom] = now._replace(believed=_log_odds(unchanged[atom]))
@@ -230,7 +230,7 @@ class BayesMonitor:
 
     def _increment(self, atom: Atom, evidence: float, memory: BeliefState) -> float:
         earlier = memory.earlier.get(atom)
-        return evidence if earlier is None else self.sensor_model.increment(evidence, earlier)
+        return evidence if earlier is None else self.sensor_model.increment(evidence, earlier, atom.predicate)
 
     def _came_about(self, memory: BeliefState, posterior: _Posterior) -> float | None:
         """Return the probability that the last action had its effects; None if there was none."""
@@ -267,7 +267,7 @@ class BayesMonitor:
     def _evidence(self, memory: BeliefState) -> dict[Atom, float]:
         """Return what this moment's looks and the last skill's report add to the log-odds of each atom."""
         evidence = {
-            atom: self._increment(atom, self.sensor_model.pooled(values), memory)
+            atom: self._increment(atom, self.sensor_model.pooled(values, atom.predicate), memory)
             for atom, values in memory.evidence.items()
         }
         for atom, value in memory.sensed.items():

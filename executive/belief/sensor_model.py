@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from executive.types import Atom
 
@@ -90,22 +90,44 @@ class AnswerCounts:
     def __sub__(self, other: AnswerCounts) -> AnswerCounts:
         return AnswerCounts(self.counts - other.counts, self.predicates - other.predicates)
 
+    def log_odds(self, predicate: str) -> float:
+        """Return the log-odds that an atom of the predicate is true, as counted, with one more of either."""
+        true = self.predicates[predicate, True, True] + self.predicates[predicate, True, False]
+        false = self.predicates[predicate, False, True] + self.predicates[predicate, False, False]
+        return math.log((true + 1) / (false + 1))
+
     def error_model(self, atom: Atom | str, assumed: ErrorModel | None = None) -> ErrorModel:
         """Return the error rates of answers about an atom, or about all of a predicate given by its name: as counted,
         with `PRIOR` more answers at the assumed rates, which are the predicate's for an atom if there are no others."""
         if isinstance(atom, str):
-            true, false = ((self.predicates[atom, truth, yes] for yes in (False, True)) for truth in (True, False))
+            counts: Mapping[Any, int] = self.predicates
             assumed = ErrorModel() if assumed is None else assumed
         else:
-            true, false = ((self.counts[atom, truth, yes] for yes in (False, True)) for truth in (True, False))
+            counts = self.counts
             assumed = self.error_model(atom.predicate) if assumed is None else assumed
-        missed, seen = true
-        rejected, alarmed = false
+        missed, seen = counts[atom, True, False], counts[atom, True, True]
+        rejected, alarmed = counts[atom, False, False], counts[atom, False, True]
         misses = (missed + PRIOR * assumed.misses) / (missed + seen + PRIOR)
         false_alarms = (alarmed + PRIOR * assumed.false_alarms) / (rejected + alarmed + PRIOR)
         if misses + false_alarms >= UNINFORMATIVE:  # the answers say nothing, or the opposite
             misses = false_alarms = UNINFORMATIVE / 2
         return ErrorModel(false_alarms, misses, assumed.slope, assumed.bias)
+
+
+def error_correlation(repeats: Mapping[tuple[bool, bool], int], assumed: float) -> float:
+    """Return how much the errors of repeated questions are correlated (the phi coefficient, not below 0), with `PRIOR`
+    more mistakes at the assumed correlation.
+
+    Args:
+        repeats: how often an answer was wrong or not, and the next answer to the same question, as nothing had changed.
+    """
+    both, first, second, neither = (
+        repeats.get(key, 0) for key in ((True, True), (True, False), (False, True), (False, False))
+    )
+    spread = math.sqrt((both + first) * (second + neither) * (both + second) * (first + neither))
+    phi = max(0.0, (both * neither - first * second) / spread) if spread else assumed
+    weight = (both + first) / (both + first + PRIOR)
+    return weight * phi + (1.0 - weight) * assumed
 
 
 class PastEvidence(NamedTuple):
@@ -141,6 +163,9 @@ class SensorModel:
             errs independently) to 1 (a second look repeats the mistakes of the first).
         correlation_across: the same for looks at different moments, about atoms that no action has affected in between.
             A model that takes a can on the edge for one on the table does so in every look.
+        correlations: the measured correlation of the errors of repeated questions, by predicate, which takes the place
+            of the two above. It is that between a mistake and the next answer to the same question, asked in the same
+            way while nothing has changed.
         atoms: error models of single atoms, which precede those of their predicates: an estimator may be right about
             all items on a table but one.
 
@@ -153,8 +178,12 @@ class SensorModel:
     correlation_within: float = 0.2
     correlation_across: float = 0.0
     atoms: Mapping[Atom, ErrorModel] = field(default_factory=lambda: MappingProxyType({}))
+    correlations: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
+        for predicate, value in self.correlations.items():
+            if not 0.0 <= value <= 1.0:
+                raise ValueError(f"{predicate}: a correlation from 0 to 1 is expected, got {value}")
         for name in ("correlation_within", "correlation_across"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name}: a share from 0 to 1 is expected, got {getattr(self, name)}")
@@ -164,24 +193,25 @@ class SensorModel:
         model = self.atoms.get(atom) or self.error_models.get(atom.predicate, self.other)
         return model.evidence(probability)
 
-    def pooled(self, evidence: Sequence[float]) -> float:
+    def pooled(self, evidence: Sequence[float], predicate: str = "") -> float:
         """Return the evidence of several looks at one moment together. n looks whose errors have the correlation a
-        count for n / (1 + (n - 1) a) independent ones (the design effect of cluster samples, Kish 1965); a is
-        `correlation_within`."""
-        count = len(evidence)
-        return math.fsum(evidence) / (1.0 + (count - 1) * self.correlation_within)
+        count for n / (1 + (n - 1) a) independent ones (the design effect of cluster samples, Kish 1965); a is the
+        predicate's, or `correlation_within`."""
+        count, correlation = len(evidence), self.correlations.get(predicate, self.correlation_within)
+        return math.fsum(evidence) / (1.0 + (count - 1) * correlation)
 
-    def increment(self, evidence: float, earlier: PastEvidence) -> float:
+    def increment(self, evidence: float, earlier: PastEvidence, predicate: str = "") -> float:
         """Return what a look adds to the log-odds of an atom that no action has affected since `earlier` looks.
 
         Evidence that disagrees with the belief counts in full, and so does evidence too weak to count. Evidence that
-        agrees is pooled with the earlier ones, as in `pooled` with `correlation_across` for a, so that neither many
-        weak looks nor a single confident one make the atom certain.
+        agrees is pooled with the earlier ones, as in `pooled` with `correlation_across` for a unless the predicate has
+        its own, so that neither many weak looks nor a single confident one make the atom certain.
         """
-        if not self.correlation_across or not earlier.agrees_with(evidence):
+        correlation = self.correlations.get(predicate, self.correlation_across)
+        if not correlation or not earlier.agrees_with(evidence):
             return evidence
         every = (*earlier.evidence, evidence)
-        return math.fsum(every) / (1.0 + (len(every) - 1) * self.correlation_across) - earlier.believed
+        return math.fsum(every) / (1.0 + (len(every) - 1) * correlation) - earlier.believed
 
 
 EXACT = SensorModel(other=ErrorModel(1e-6, 1e-6), correlation_within=0.0)

@@ -169,21 +169,60 @@ class StateSpace:
             found[first : first + _CHUNK][able] = self._find(_keys(_pack(rows)))
         return found
 
+    def holds(self, condition: Condition) -> BoolArray:
+        """Return in which states a condition holds, (N,)."""
+        actions = _Actions(self.atoms, (), self.rules)
+        parts = [
+            actions.truth(condition, _unpack(self.packed[first : first + _CHUNK], len(self.atoms)))
+            for first in range(0, len(self), _CHUNK)
+        ]
+        return np.concatenate(parts)
+
     def classes(self, atoms: Collection[Atom]) -> IndexArray:
         """Return a number for each state, (N,), from 0: the same for states that agree on all atoms but these."""
         kept = np.array([[atom not in atoms for atom in self.atoms]], dtype=np.bool_)
         _, number = np.unique(_keys(self.packed & _pack(kept)), return_inverse=True)
         return number.astype(np.int64)
 
+    def mutex_groups(self) -> tuple[Group, ...]:
+        """Return sets of atoms of which no listed state has two, each about one object: all atoms of a predicate with
+        the object in one place, and as many others as go with them. They are not exact: after an accident a thing may
+        be nowhere."""
+        size = len(self.atoms)
+        together = np.zeros((size, size), dtype=np.bool_)
+        for first in range(0, len(self), _CHUNK):
+            rows = self._bits(self.packed[first : first + _CHUNK]).astype(np.float32)
+            together |= rows.T @ rows > 0
+        possible = together.diagonal().copy()
+        np.fill_diagonal(together, False)
+        families: dict[str, dict[tuple[str, int], list[int]]] = {}
+        for index, atom in enumerate(self.atoms):
+            for place, name in enumerate(atom.args if possible[index] else ()):
+                families.setdefault(name, {}).setdefault((atom.predicate, place), []).append(index)
+        found: set[frozenset[int]] = set()
+        for parts in families.values():
+            for family in parts.values():
+                members = list(family)
+                for other in parts.values():
+                    more = [index for index in other if index not in members]
+                    if not together[np.ix_(members + more, members + more)].any():
+                        members += more
+                if not together[np.ix_(members, members)].any() and len(members) > 1:
+                    found.add(frozenset(members))
+        largest = [group for group in found if not any(group < other for other in found)]
+        return tuple(
+            sorted((Group(tuple(self.atoms[index] for index in group)) for group in largest), key=lambda g: g.atoms)
+        )
+
+    def always_one(self, group: Group) -> bool:
+        """Whether every listed state has one or more of the group's atoms."""
+        members = np.array([[atom in group.atoms for atom in self.atoms]], dtype=np.bool_)
+        return bool(np.all((self.packed & _pack(members)).any(axis=1)))
+
     def rules_out_more(self, groups: Sequence[Group]) -> bool:
         """Whether the listed states are fewer than those that the mutex groups allow, if groups are taken as exact of
         which every listed state has a true atom."""
-        position = {atom: index for index, atom in enumerate(self.atoms)}
-        kept = []
-        for group in groups:
-            mask = np.zeros((1, len(self.atoms)), dtype=np.bool_)
-            mask[0, [position[atom] for atom in group.atoms if atom in position]] = True
-            kept.append(Group(group.atoms, exact=bool(np.all((self.packed & _pack(mask)).any(axis=1)))))
+        kept = [Group(group.atoms, exact=self.always_one(group)) for group in groups]
         allowed = MutexNetwork(self.atoms, tuple(kept)).solve({})
         return allowed.approximate or allowed.log_total > math.log(len(self)) + 1e-6
 
@@ -249,6 +288,10 @@ class _Actions:
                     if atom in self._position:
                         after[where, self._position[atom]] = value
         return able, after
+
+    def truth(self, condition: Condition, states: BoolArray) -> BoolArray:
+        """Return in which of the states a condition holds, (N,)."""
+        return self._truth(condition, states, self._derived(states))
 
     def _truth(self, condition: Condition, states: BoolArray, derived: Mapping[Atom, BoolArray]) -> BoolArray:
         result = np.ones(len(states), dtype=np.bool_)

@@ -6,6 +6,7 @@ import contextlib
 import math
 from collections.abc import Iterator
 
+from executive.belief.mutex_inference import Group
 from executive.belief.state_space import StateSpace
 from executive.domain.pddl import Schema
 from executive.planning.mutex_groups import Mutexes
@@ -21,8 +22,14 @@ def list_states(schema: Schema, found: Mutexes) -> StateSpace | None:
     accident, too."""
     if found.state != frozenset(schema.task.declared) or _most_actions(schema) > MOST_ACTIONS:
         return None
-    space = StateSpace.reachable(schema.task.atoms, tuple(_steps(schema)), found.state, schema.task.derived)
+    space = StateSpace.reachable(schema.task.atoms, tuple(steps(schema)), found.state, schema.task.derived)
     return space if space is not None and space.rules_out_more(found.groups) else None
+
+
+def groups_of(found: Mutexes, space: StateSpace | None) -> tuple[Group, ...]:
+    """The mutex groups that the translator found; where it found none, as with effects that depend on conditions, those
+    that the listed states keep."""
+    return found.groups if found.groups or space is None else space.mutex_groups()
 
 
 def _most_actions(schema: Schema) -> int:
@@ -30,7 +37,8 @@ def _most_actions(schema: Schema) -> int:
     return sum(math.prod(len(members(kind)) for _, kind in each.parameters) for each in schema.actions.values())
 
 
-def _steps(schema: Schema) -> Iterator[Step]:
+def steps(schema: Schema) -> Iterator[Step]:
+    """Yield the task's grounded actions."""
     for name, action in schema.actions.items():
         for args in schema.typing.tuples([kind for _, kind in action.parameters]):
             with contextlib.suppress(ValueError):  # this one can never be carried out

@@ -59,6 +59,7 @@ class _SensorModel:
     alike: float = 0.2
     lasting: float = 0.0
     atoms: Mapping[Atom, ErrorModel] = field(default_factory=dict)
+    correlations: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +135,12 @@ def _fused(monitor: BayesMonitor) -> _Fused:
     unrest = None if monitor.actions is None else monitor.actions.process_noise
     sensor = monitor.sensor_model
     eye = _SensorModel(
-        sensor.error_models, sensor.other, sensor.correlation_within, sensor.correlation_across, sensor.atoms
+        sensor.error_models,
+        sensor.other,
+        sensor.correlation_within,
+        sensor.correlation_across,
+        sensor.atoms,
+        sensor.correlations,
     )
     carried = {action: _Carried(*said) for action, said in monitor.carried.items()}
     kept = _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried)
@@ -179,7 +185,7 @@ def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
         actions = ActionModel(counts, kept.unrest)
     carried = {action: (said.predicate, said.positions) for action, said in kept.carried.items()}
     eye = kept.eye
-    sensor = SensorModel(eye.readings, eye.other, eye.alike, eye.lasting, eye.atoms)
+    sensor = SensorModel(eye.readings, eye.other, eye.alike, eye.lasting, eye.atoms, eye.correlations)
     network = MutexNetwork(tuple(atoms), kept.groups)
     space = _listed(kept.states, atoms, kept.rules) if kept.states else None
     return BayesMonitor(network, sensor, actions, kept.thresholds, carried, space)

@@ -142,6 +142,19 @@ def test_whether_groups_say_it_all(space: StateSpace) -> None:
     assert not free.rules_out_more(places), "each cup is somewhere, and that is all"
 
 
+def test_groups_are_kept_by_every_state_and_as_large_as_can_be(space: StateSpace) -> None:
+    groups = space.mutex_groups()
+    assert all(not group.violated(space.true(number)) for group in groups for number in range(len(space)))
+    assert not any(group.exact for group in groups)
+    for cup in CUPS:
+        others = [other for other in CUPS if other != cup]
+        assert Group(tuple(at(cup, tray) for tray in TRAYS)) in groups
+        assert Group((top(cup), *(on(other, cup) for other in others))) in groups, "something lies on it, or nothing"
+        assert Group(tuple(on(cup, other) for other in others)) in groups
+    assert space.always_one(Group(tuple(at("a", tray) for tray in TRAYS)))
+    assert not space.always_one(Group(tuple(on("a", other) for other in ("b", "c"))))
+
+
 def test_what_some_truths_leave_no_choice_about(space: StateSpace) -> None:
     told = {on("b", "a"): True, on("c", "b"): True, at("a", "s"): True}
     follows = space.common(told)

@@ -53,6 +53,7 @@ fused = st.builds(
         shares,
         shares,
         st.dictionaries(st.sampled_from(ATOMS), error_models, max_size=2),
+        st.dictionaries(st.sampled_from(["at", "held"]), shares),
     ),
     st.none() | actions,
     st.dictionaries(st.sampled_from(["at", "held", "free"]), thresholds),

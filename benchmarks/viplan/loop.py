@@ -1,0 +1,255 @@
+"""The closed loop in the symbolic world, on problems whose first looks were recorded.
+
+It is simulated: a model's answers are drawn from what it said at other problems, and what is asked again while nothing
+has changed is answered as before as often as it was in the records.
+
+The sensor model is fitted on the looks at half of the problems, and answers are drawn from the looks at the other half,
+without those at the problem at hand. The plain threshold acts on each answer at its word, as in the published runs."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.viplan.recorded import Look, Run, Tasks
+from executive.app.assembly import make_executive
+from executive.belief import ActionModel, BayesMonitor, Monitor, MutexNetwork, SensorModel, StateSpace, ThresholdMonitor
+from executive.belief.sensor_model import AnswerCounts, error_correlation
+from executive.core.settings import Settings
+from executive.domain.pddl import Schema
+from executive.planning.state_listing import steps
+from executive.symbolic import SymbolicSkill, SymbolicWorld
+from executive.trace.report.summary import Collector
+from executive.types import Atom, Belief, Condition, Facts, NoPlan, NoPlanReason, Observation, OutcomeKind, Plan, Step
+
+PLAIN, WHOLE = MONITORS = ("plain threshold", "whole monitor")
+CORRELATION = 0.8
+SETTINGS = {"max_cycles": 60, "max_actions": 40, "max_replans": 20, "max_looks": 150, "max_questions": 200}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What a run came to."""
+
+    model: str
+    split: str
+    problem: str
+    seed: int
+    monitor: str
+    published: bool
+    success: bool
+    false_success: bool
+    replans: int
+    questions: int
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """How a model answers: its answers by predicate and truth, and by atom, and how often an answer is repeated."""
+
+    counts: AnswerCounts
+    repeats: Mapping[str, float]
+
+
+def habits(looks: Sequence[Sequence[Look]]) -> Habits:
+    """Count a model's answers along some runs."""
+    counts = AnswerCounts.of(
+        (atom, answer.yes, answer.truth)
+        for run in looks
+        for look in run[:1]
+        for atom, answer in look.answers.items()
+        if answer.yes is not None
+    )
+    repeats: dict[str, Counter[tuple[bool, bool]]] = {}
+    for run in looks:
+        last: dict[Atom, tuple[bool, bool]] = {}
+        for look in run:
+            for atom, answer in look.answers.items():
+                wrong = answer.yes is not answer.truth
+                if atom in last and last[atom][1] is answer.truth:
+                    repeats.setdefault(atom.predicate, Counter())[last[atom][0], wrong] += 1
+                last[atom] = wrong, answer.truth
+    return Habits(counts, {name: error_correlation(found, CORRELATION) for name, found in repeats.items()})
+
+
+class DrawnAnswers:
+    """An estimator that answers as a model does of whom some answers are known. It is part of the simulation: what is
+    true is asked of the world."""
+
+    name = "drawn answers"
+
+    def __init__(self, world: SymbolicWorld, known: Habits, seed: int) -> None:
+        self._world, self._known, self._rng = world, known, np.random.default_rng([seed, 7])
+        self._last: dict[Atom, tuple[bool, bool]] = {}
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        state = self._world.state
+        return Belief(
+            observation.id, {atom: self._answer(atom, state[atom]) for atom in sorted(atoms)}, source=self.name
+        )
+
+    def _answer(self, atom: Atom, truth: bool) -> float:
+        draw, again = self._rng.random(2)
+        if atom in self._last and self._last[atom][1] is truth and again < self._known.repeats.get(atom.predicate, 0.0):
+            return float(self._last[atom][0])
+        said = {yes: self._known.counts.predicates[atom.predicate, truth, yes] for yes in (False, True)}
+        model = self._known.counts.error_model(atom.predicate)  # where it was never asked
+        rate = (
+            said[True] / sum(said.values()) if sum(said.values()) else 1 - model.misses if truth else model.false_alarms
+        )
+        yes = bool(draw < rate)
+        self._last[atom] = yes, truth
+        return float(yes)
+
+
+class ListedPlanner:
+    """The shortest plan, by search backwards from the goal among listed states: those that the problem's initial state
+    leads to, or else those that the state to plan from leads to, as where each answer was taken at its word."""
+
+    def __init__(self, schema: Schema, space: StateSpace) -> None:
+        self._schema, self._space = schema, space
+        self._moves = [(step, space.successors(step)) for step in steps(schema)]
+        self._distances: dict[tuple[Condition, frozenset[Step]], np.ndarray[Any, Any]] = {}
+
+    def plan(
+        self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = 10.0
+    ) -> Plan | NoPlan:
+        number = self._space.number(state.true)
+        if number is None:
+            own = StateSpace.reachable(
+                self._space.atoms, [step for step, _ in self._moves], state.true, self._space.rules, most_work=1_000_000
+            )
+            if own is None:
+                return NoPlan(NoPlanReason.TIMED_OUT)
+            return ListedPlanner(self._schema, own).plan(state, goal, avoid)
+        moves = [(step, after) for step, after in self._moves if step not in avoid]
+        key = goal, avoid
+        if key not in self._distances:
+            self._distances[key] = self._measured(goal, [after for _, after in moves])
+        distance = self._distances[key]
+        if distance[number] < 0:
+            return NoPlan(NoPlanReason.UNSOLVABLE)
+        found = []
+        while distance[number] > 0:
+            step, number = next(
+                (step, int(after[number]))
+                for step, after in moves
+                if after[number] >= 0 and distance[after[number]] == distance[number] - 1
+            )
+            found.append(step)
+        return Plan(tuple(found), float(len(found)), "listed", 0.0)
+
+    def _measured(self, goal: Condition, moves: Sequence[np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
+        holds = self._space.holds(goal)
+        distance = np.where(holds, 0, -1)
+        reached, steps_away = holds, 0
+        while reached.any():
+            steps_away += 1
+            before = np.zeros(len(distance), dtype=np.bool_)
+            for after in moves:
+                before |= (after >= 0) & reached[after]
+            reached = before & (distance < 0)
+            distance[reached] = steps_away
+        return distance
+
+
+@cache
+def _problem(tasks: Tasks, key: tuple[str, str], run: Run) -> tuple[Schema, StateSpace, ListedPlanner]:
+    schema = tasks.schema(run)
+    space = StateSpace.reachable(schema.task.atoms, tuple(steps(schema)), schema.task.declared, schema.task.derived)
+    assert space is not None, "problems of this benchmark have few states"
+    return schema, space, ListedPlanner(schema, space)
+
+
+def play(run: Run, tasks: Tasks, fitted: Habits, drawn: Habits, monitor: str, seed: int) -> Row:
+    """Play one problem with answers like those of the run's model."""
+    schema, space, planner = _problem(tasks, run.unit, Run("", run.split, run.problem, False, ()))
+    task = schema.task
+    world = SymbolicWorld(task.atoms, task.declared, lambda state, rng, names: None, seed=seed, rules=task.derived)
+    collector = Collector()
+    used: Monitor = ThresholdMonitor(task.atoms)
+    if monitor == WHOLE:
+        sensor = SensorModel(
+            {name: fitted.counts.error_model(name) for name in {atom.predicate for atom in task.atoms}},
+            atoms={atom: fitted.counts.error_model(atom) for atom in task.atoms},
+            correlations=fitted.repeats,
+        )
+        network = MutexNetwork(task.atoms, space.mutex_groups())
+        used = BayesMonitor(network, sensor, ActionModel(), space=space)
+    skills = dict.fromkeys(schema.actions, SymbolicSkill())
+    settings = Settings(seed=seed, **SETTINGS)
+    estimator = DrawnAnswers(world, drawn, seed)
+    make_executive(task, planner, world, skills, estimator, [collector], settings, monitor=used).run()
+    is_true = task.goal.truth(task.derived.complete(world.state)) is True
+    summary = collector.summary(is_true)
+    claimed = summary["outcome"] == OutcomeKind.GOAL_REACHED
+    return Row(
+        run.model, run.split, run.problem, seed, monitor, run.reached, claimed and is_true, claimed and not is_true,
+        summary["replans"], summary["looking"]["questions"],
+    )  # fmt: skip
+
+
+def rows(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> Iterator[Row]:
+    """Yield a row for each problem, monitor and seed of each model; those in the file are not played again."""
+    done: dict[tuple[Any, ...], Row] = {}
+    if kept is not None and kept.exists():
+        for line in kept.read_text(encoding="utf-8").splitlines():
+            row = Row(**json.loads(line))
+            done[row.model, row.split, row.problem, row.seed, row.monitor] = row
+    for model in dict.fromkeys(run.model for run in runs):
+        own = sorted((run for run in runs if run.model == model and run.looks), key=lambda run: run.unit)
+        fitted = habits([run.looks for run in own[::2]])
+        for run in own:
+            drawn = habits([other.looks for other in own[1::2] if other.unit != run.unit])
+            elsewhere = fitted if run not in own[::2] else habits([r.looks for r in own[::2] if r.unit != run.unit])
+            for monitor in MONITORS:
+                for seed in range(seeds):
+                    key = (model, run.split, run.problem, seed, monitor)
+                    if key not in done:
+                        done[key] = play(run, tasks, elsewhere, drawn, monitor, seed)
+                        if kept is not None:
+                            with kept.open("a", encoding="utf-8") as file:
+                                file.write(json.dumps(asdict(done[key])) + "\n")
+                    yield done[key]
+
+
+def measure(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> list[dict[str, Any]]:
+    """Return a row for each model, with the shares of its runs of either monitor."""
+    found: dict[str, list[Row]] = {}
+    for row in rows(runs, tasks, seeds, kept):
+        found.setdefault(row.model, []).append(row)
+    return [_scores(model, members) for model, members in sorted(found.items())]
+
+
+def _scores(model: str, members: Sequence[Row]) -> dict[str, Any]:
+    scores: dict[str, Any] = {"model": model, "simulated": True}
+    problems = {(row.split, row.problem): row.published for row in members}
+    scores |= {"problems": len(problems), "published": sum(problems.values()) / len(problems)}
+    for monitor in MONITORS:
+        own = [row for row in members if row.monitor == monitor]
+        names = ("success", "false_success", "replans", "questions")
+        means = {name: sum(float(getattr(row, name)) for row in own) / len(own) for name in names}
+        scores[monitor] = {"runs": len(own), **means}
+    return scores
+
+
+def printed(found: Sequence[Mapping[str, Any]]) -> str:
+    """Return the table as text."""
+    lines = [
+        f"{'model':<36}{'published':>10} | {'plain: success':>15}{'false':>7}{'replans':>9}{'questions':>11}"
+        f" | {'whole: success':>15}{'false':>7}{'replans':>9}{'questions':>11}"
+    ]
+    for row in found:
+        parts = [
+            f"{own['success']:>15.3f}{own['false_success']:>7.3f}{own['replans']:>9.1f}{own['questions']:>11.0f}"
+            for own in (row[PLAIN], row[WHOLE])
+        ]
+        lines.append(f"{row['model']:<36}{row['published']:>10.2f} | {' | '.join(parts)}")
+    return "\n".join(lines)
