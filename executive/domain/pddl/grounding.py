@@ -35,6 +35,7 @@ class Grounding:
         self._rows: dict[str, list[Row]] = {}
         for predicate, args in sorted(self._true):
             self._rows.setdefault(predicate, []).append(args)
+        self._projections: dict[tuple[Literal, Variables, tuple[int, ...]], Literal] = {}
         self._indices: dict[tuple[str, tuple[int, ...]], dict[Row, list[Row]]] = {}
 
     def atom(self, literal: Literal, binding: Mapping[str, str]) -> Atom | None:
@@ -144,10 +145,13 @@ class Grounding:
         if len(columns) == len(guard.terms):
             return guard
         free = {term: variables[term] for term in guard.terms if term in variables}
-        rows = (row for row in self._matching(guard, {}) if self._extended(free, guard, row, {}) is not None)
-        name = f"{guard} {sorted(free.items())} {columns}"
-        self._rows[name] = sorted({tuple(row[i] for i in columns) for row in rows})
-        return Literal(name, tuple(guard.terms[i] for i in columns))
+        key = guard, tuple(free.items()), tuple(columns)
+        if key not in self._projections:
+            rows = (row for row in self._matching(guard, {}) if self._extended(free, guard, row, {}) is not None)
+            name = f"{guard.predicate} {len(self._projections)}"
+            self._rows[name] = sorted({tuple(row[i] for i in columns) for row in rows})
+            self._projections[key] = Literal(name, tuple(guard.terms[i] for i in columns))
+        return self._projections[key]
 
     def _join(self, kinds: Mapping[str, str], guards: list[Literal], bound: dict[str, str]) -> Iterator[dict[str, str]]:
         if guards:
