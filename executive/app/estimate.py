@@ -119,7 +119,7 @@ class Session:
         return {"model": self.estimator.backend.name, "system_prompt": self.estimator.questions.system, **calibrated}
 
     def document(self, images: Sequence[Path], estimate: Estimate) -> dict[str, Any]:
-        """All that was asked and answered in one look, as JSON: enough for an outsider to ask the same again."""
+        """Return all that was asked and answered in one look, as JSON: enough for an outsider to ask the same again."""
         seconds = round(estimate.seconds, 3)
         return {**self.head(), "images": [str(image) for image in images], "seconds": seconds, **answers(estimate)}
 
@@ -221,7 +221,7 @@ class _Changes:
 
 
 def answers(estimate: Estimate) -> dict[str, Any]:
-    """The answers of one look, as JSON: `atoms` by their names and, if there are any, one's own `questions`."""
+    """Return the answers of one look, as JSON: `atoms` by their names and, if there are any, one's own `questions`."""
     atoms = {item.name: _answer(finding) for item, finding in estimate.findings.items() if item.group != OWN}
     own = {item.name: _answer(finding) for item, finding in estimate.findings.items() if item.group == OWN}
     return {"atoms": atoms, **({OWN: own} if own else {})}
@@ -282,7 +282,7 @@ def _own_atoms(questions: Sequence[str], atoms: Sequence[Atom]) -> dict[Atom, st
 
 
 def why_unanswered(finding: Finding) -> str:
-    """Why there is no probability, in a few words."""
+    """Return why there is no probability, in a few words."""
     errors = list(dict.fromkeys(view.answer.error for view in finding.views if view.answer.error))
     if errors:
         return "; ".join(errors)

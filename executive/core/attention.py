@@ -42,31 +42,31 @@ class Attention:
     shown: tuple[str, ...] = ()
 
     def only(self, shown: Sequence[str]) -> Attention:
-        """The same with the pictures of these cameras alone: one that is not among them shows nothing best."""
+        """Return the same with the pictures of these cameras alone: one that is not among them shows nothing best."""
         closer = {name: tuple(each for each in best if each in shown) for name, best in self.closer.items()}
         told = {name: best for name, best in closer.items() if best and len(best) < len(shown)}
         return replace(self, closer=told, guard=tuple(each for each in self.guard if each in shown), shown=tuple(shown))
 
     def cameras(self, atom: Atom) -> tuple[str, ...]:
-        """Those that show best what the atom is about; none where nobody says."""
+        """Return the cameras that show best what the atom is about; none where the domain names none."""
         return next((self.closer[name] for name in (atom.predicate, *atom.args) if name in self.closer), ())
 
     def groups(self, atoms: Iterable[Atom]) -> dict[tuple[str, ...], list[Atom]]:
-        """The atoms by the cameras that show them best."""
+        """Return the atoms by the cameras that show them best."""
         groups: dict[tuple[str, ...], list[Atom]] = {}
         for atom in atoms:
             groups.setdefault(self.cameras(atom), []).append(atom)
         return groups
 
     def held(self, step: Step) -> Atom | None:
-        """What is to be true while the step's skill carries something."""
+        """Return what is to be true while the step's skill carries something."""
         return step.about(self.carried)
 
 
 def questions(
     atoms: Sequence[Atom], matters: Iterable[Iterable[Atom]], probability: Mapping[Atom, float], most: int
 ) -> tuple[Atom, ...]:
-    """What to ask about, at most `most` of the task's `atoms`: all of them if they are no more.
+    """Return what to ask about, at most `most` of the task's `atoms`: all of them if they are no more.
 
     Else `matters` in the order given (the effects of the step before, the preconditions of the next one, ...), each
     atom once, and between the first two and the rest of them what is in doubt, the most doubtful first.

@@ -31,7 +31,8 @@ def relevant_facts(step: Step, known: Facts) -> Facts:
 
 
 def progress(facts: Facts, step: Step, rules: DerivedRules = NO_RULES) -> Facts:
-    """What is expected after `step`, begun where `facts` hold: its effects, and of everything else that it stays.
+    """Return what is expected after `step`, begun where `facts` hold: its effects, and of everything else that it
+    stays.
 
     An effect whose condition is unknown makes what it would change unknown. Derived atoms are never among the facts;
     `rules` say how they follow from them, for conditions that name some.
@@ -43,8 +44,8 @@ def progress(facts: Facts, step: Step, rules: DerivedRules = NO_RULES) -> Facts:
 
 
 def reaches(steps: Sequence[Step], state: Facts, goal: Condition, rules: DerivedRules = NO_RULES) -> bool:
-    """Whether all of `steps` can be carried out in order from `state`, and `goal` holds afterwards. What `state` does
-    not mention is unknown, and no step begins where it is unknown whether it can."""
+    """Return whether all of `steps` can be carried out in order from `state`, and `goal` holds afterwards. What `state`
+    does not mention is unknown, and no step begins where it is unknown whether it can."""
     kept, reached = _executed(steps, range(len(steps)), state, goal, rules)
     return reached and len(kept) == len(steps)
 
@@ -52,7 +53,7 @@ def reaches(steps: Sequence[Step], state: Facts, goal: Condition, rules: Derived
 def remaining(
     steps: Sequence[Step], state: Facts, goal: Condition, rules: DerivedRules = NO_RULES
 ) -> tuple[int, ...] | None:
-    """Which of `steps` (positions, in order) are still to be done to get from the complete `state` to `goal`.
+    """Return which of `steps` (positions, in order) are still to be done to get from the complete `state` to `goal`.
 
     Left out are steps that cannot be done or that nothing needs any more: first those before the earliest position
     from which the plan goes through, then one by one (greedy action elimination, Nakhost and Mueller 2010). None when
@@ -114,8 +115,8 @@ _MOST_TRIED = 32
 
 
 def _read(steps: Sequence[Step], goal: Condition, rules: DerivedRules) -> tuple[set[Atom], set[Atom]]:
-    """The atoms whose values from before `steps` matter to them and to the goal after them: those that a literal asks
-    for, and those that only a disjunction, a derived atom or an effect's condition does."""
+    """Return the atoms whose values from before `steps` matter to them and to the goal after them: those that a literal
+    asks for, and those that only a disjunction, a derived atom or an effect's condition does."""
     needed, open_, written = set[Atom](), set[Atom](), set[Atom]()
 
     def read(condition: Condition, is_effect: bool = False) -> None:
@@ -135,7 +136,7 @@ def _read(steps: Sequence[Step], goal: Condition, rules: DerivedRules) -> tuple[
 def _decisive(
     steps: Sequence[Step], state: Facts, goal: Condition, rules: DerivedRules, atoms: Sequence[Atom]
 ) -> set[Atom]:
-    """Those of the atoms without which, all of them unknown, it would be open whether the steps reach the goal."""
+    """Return those of the atoms without which, all of them unknown, it would be open whether the steps reach the goal."""
     if not atoms or reaches(steps, state.without(atoms), goal, rules):
         return set()
     dropped: list[Atom] = []
@@ -155,7 +156,7 @@ def _executed(
 
 
 def _carry_out(step: Step, state: dict[Atom, bool], rules: DerivedRules) -> bool:
-    """Whether the step can be done in the state, which becomes the one after it."""
+    """Return whether the step can be done in the state, which becomes the one after it."""
     known = rules.complete(state, _asked(step)) if rules else state
     if not step.precondition.truth(known):
         return False
@@ -168,5 +169,5 @@ def _carry_out(step: Step, state: dict[Atom, bool], rules: DerivedRules) -> bool
 
 
 def _asked(step: Step) -> frozenset[Atom]:
-    """The atoms that the step's precondition and the conditions of its effects name."""
+    """Return the atoms that the step's precondition and the conditions of its effects name."""
     return step.precondition.atoms.union(*(effect.condition.atoms for effect in step.effects))

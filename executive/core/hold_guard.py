@@ -46,7 +46,7 @@ class HoldGuard:
                 self._schedule(phase.seconds * number / (self._looks + 1))
 
     def lost(self) -> str:
-        """Why the carried item is taken to be lost; empty while it is not."""
+        """Return why the carried item is taken to be lost; empty while it is not."""
         return f"{self._atom} is seen no longer" if self._lost else ""
 
     def close(self) -> None:

@@ -234,7 +234,7 @@ class Executive:
         return decision
 
     def _assume(self, result: SkillResult) -> Decision:
-        """The blind baseline: the step's expected effects are believed."""
+        """Believe the step's expected effects, in a run that does not look."""
         self.run_state = self.run_state.assumed()
         self._emit(Belief.certain(self.run_state.known))
         return self._decide(policy.assumed(result))

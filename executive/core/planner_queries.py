@@ -42,7 +42,7 @@ class PlannerQueries:
         return answer
 
     def probe(self, run_state: RunState, goal: Condition, allowed: StuckSteps = StuckSteps.NEVER) -> Plan | NoPlan:
-        """Whether `goal` can be reached from what is believed."""
+        """Return whether `goal` can be reached from what is believed."""
         if run_state.holds(goal, run_state.state):
             return Plan((), 0.0, "", 0.0)
         answer = self._plan(run_state, goal, run_state.state, allowed)
@@ -70,7 +70,7 @@ class PlannerQueries:
         return (None, goal) if isinstance(answer, NoPlan) else (answer, wanted)
 
     def optimistic(self, run_state: RunState) -> OptimisticPlan | None:
-        """A plan for a goal that cannot be reached from the believed state, from a less probable one."""
+        """Return a plan for a goal that cannot be reached from the believed state, from a less probable one."""
         for atom in run_state.possible[: self._most]:
             self._in_time()
             if (found := self._as_if(run_state, atom, self._monitor.state_with(run_state.memory, atom))) is not None:
@@ -108,7 +108,7 @@ class PlannerQueries:
         return kept, plan, bool(without)
 
     def _plan(self, run_state: RunState, goal: Condition, state: Facts, allowed: StuckSteps) -> Plan | NoPlan:
-        """Where the plan depends on a step that is stuck, the planner is asked for one without it, and so on."""
+        """Ask the planner; where its plan contains a stuck step, ask for one without it, and so on."""
         avoid: frozenset[Step] = frozenset()
         while True:
             left = self._in_time()
@@ -125,5 +125,5 @@ class PlannerQueries:
 
 
 def probed(goal: Condition, answer: Plan | NoPlan) -> Probed:
-    """An answer that is not carried out."""
+    """Return an answer that is not carried out."""
     return Probed(goal, None, answer) if isinstance(answer, NoPlan) else Probed(goal, answer)

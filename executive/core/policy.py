@@ -39,7 +39,7 @@ class Failures(NamedTuple):
     ever: int
 
     def too_many(self, status: SkillStatus, settings: Settings) -> bool:
-        """Whether the step is to be given up on."""
+        """Return whether the step is to be given up on."""
         same, ever = settings.max_failures_with_same_facts(status), settings.max_failures_ever(status)
         return self.here >= same or self.ever >= ever
 
@@ -279,7 +279,8 @@ def finish_blind(goal: Condition) -> Decision:
 
 
 def exhausted(settings: Settings, **used: float) -> Decision | None:
-    """Whether taking one more of these (`cycles`, `actions`, `looks`, `replans`, `seconds`) would exceed the budget."""
+    """Return whether taking one more of these (`cycles`, `actions`, `looks`, `replans`, `seconds`) would exceed the
+    budget."""
     for what, count in used.items():
         limit = getattr(settings, f"max_{what}")
         if count >= limit:

@@ -142,12 +142,12 @@ class RunState:
         return self.task.goal.without(self.goal.conjuncts)
 
     def failing(self, step: Step, known: Facts) -> Failures:
-        """How often the step has failed, if it fails now, with `known` known before it."""
+        """Return how often the step has failed, if it fails now, with `known` known before it."""
         before = self.failures.get(step, {})
         return Failures(before.get(relevant_facts(step, known), 0) + 1, sum(before.values()) + 1)
 
     def stuck_among(self, steps: Iterable[Step], state: Facts, allowed: StuckSteps) -> frozenset[Step]:
-        """Those of the steps, carried out in order from the complete `state`, that are stuck and not `allowed`."""
+        """Return those of the steps, carried out in order from the complete `state`, that are stuck and not `allowed`."""
         found = set()
         for step in steps if self.stuck else ():
             if (stuck := self.stuck.get(step)) is not None:
@@ -159,8 +159,8 @@ class RunState:
         return frozenset(found)
 
     def questions(self, most: int) -> tuple[Atom, ...]:
-        """What a look at this moment should ask about: what the last step changed, what the next one needs, what is in
-        doubt, and the goal."""
+        """Return what a look at this moment should ask about: what the last step changed, what the next one needs, what
+        is in doubt, and the goal."""
         left = self.left[1:] if self.report else self.left
         matters = (
             self.report.step.affects if self.report else (),
@@ -171,8 +171,8 @@ class RunState:
         return questions(self.task.atoms, matters, probability, most)
 
     def uncertain_atoms(self, settings: Settings) -> UncertainAtoms:
-        """All atoms, the least certain first, and before all those that cannot be told. There is no plan because of
-        some that nobody suspects, so that no limit of questions holds for what follows."""
+        """Return all atoms, the least certain first, and before all those that cannot be told. There is no plan because
+        of some that nobody suspects, so that no limit of questions holds for what follows."""
         if self.judgement is None:
             return UncertainAtoms()
         certain = self.judgement.least_certain(self.task.atoms)
@@ -185,7 +185,7 @@ class RunState:
         return {"cycles": self.cycle, "actions": self.actions, "looks": self.looks}
 
     def unsure_of_goal(self, sure: float) -> tuple[Atom, ...]:
-        """What the goal hangs on and is not sure; where some of it was given up, that may be anything."""
+        """Return what the goal hangs on and is not sure; where some of it was given up, that may be anything."""
         if self.given_up != ALWAYS:
             return self.unsure(self.task.atoms, sure)
         unsure = self.unsure(self._asked_for(self.goal), sure)
@@ -196,8 +196,8 @@ class RunState:
         return tuple(atom for atom in unsure if atom in plain or atom in kept)
 
     def claimable(self, claim: float) -> Facts:
-        """What is seen, without those literals of the goal that hold with a probability of less than `claim`, and
-        without whatever else the goal hangs on and is not that sure."""
+        """Return what is seen, without those literals of the goal that hold with a probability of less than `claim`,
+        and without whatever else the goal hangs on and is not that sure."""
         if self.judgement is None or self.judgement.thresholded:
             return self.seen
         doubtful, plain = self.unsure(self._asked_for(self.goal), claim), self.goal.facts
@@ -215,12 +215,12 @@ class RunState:
         return self.task.derived.support(atoms)
 
     def what_was_given_up(self, plan: Plan | None, reached: Condition) -> GivenUp:
-        """What was given up; `plan` is for as much of it as is in `reached`, if there is one."""
+        """Return what was given up; `plan` is for as much of it as is in `reached`, if there is one."""
         back = self.given_up.only(reached.conjuncts)
         return GivenUp(self.given_up if plan is None else back, self.given_up_why, plan)
 
     def unsure(self, atoms: Iterable[Atom], sure: float) -> tuple[Atom, ...]:
-        """Those of the atoms that cannot be told, or with a probability of less than `sure`."""
+        """Return those of the atoms that cannot be told, or with a probability of less than `sure`."""
         probability = self.judgement.probability if self.judgement else {}
 
         def is_sure(atom: Atom) -> bool:
@@ -283,11 +283,11 @@ class RunState:
         return replace(self, memory=memory, moment=Moment(observation_id=self.moment.observation_id))
 
     def whole_goal_seen(self) -> RunState:
-        """What was given up is gone for again, if all of the goal is seen to hold."""
+        """Take what was given up into the goal again, if all of it is seen to hold."""
         return replace(self, goal=self.task.goal) if self.holds(self.task.goal, self.seen) else self
 
     def holds(self, condition: Condition, facts: Facts) -> bool:
-        """Whether a condition holds where `facts` do; not, where that is unknown."""
+        """Return whether a condition holds where `facts` do; not, where that is unknown."""
         return condition.truth(self.task.derived.complete(facts, condition.atoms)) is True
 
     @property
@@ -358,7 +358,7 @@ class RunState:
     # What it amounts to.
 
     def turn(self, result: SkillResult) -> StepOutcome:
-        """Everything that is to be decided upon after the dispatched step was looked at."""
+        """Return everything that is to be decided upon after the dispatched step was looked at."""
         step, *left = self.left
         moment, judgement = self.moment, self.judgement
         verdict = compare(self.expected, self.seen)
@@ -380,7 +380,8 @@ class RunState:
         )
 
     def ended(self, decision: Decision) -> Ended:
-        """How the run ends. The goal was seen if looks at this last moment, with no action after it, show all of it."""
+        """Return how the run ends. The goal was seen if looks at this last moment, with no action after it, show all of
+        it."""
         if decision.outcome is None:
             raise ValueError(f"a run does not end with {decision.kind!r}")
         goal, reached = self.task.goal, decision.outcome is OutcomeKind.GOAL_REACHED

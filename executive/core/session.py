@@ -256,7 +256,7 @@ class Session:
         self._delivering += self._clock() - start
 
     def _guarded(self, part: object, call: Callable[..., None], *arguments: object) -> bool:
-        """Whether the call returned without an error. Ctrl-C that strikes in it is kept for later."""
+        """Return whether the call returned without an error. Ctrl-C that strikes in it is kept for later."""
         try:
             call(*arguments)
         except KeyboardInterrupt:

@@ -260,7 +260,7 @@ class _Clock:
 
 
 def _resumed(record: Record, since: Resumed, monitor: Monitor) -> RunState:
-    """How the run stood when another process went on with it."""
+    """Return how the run stood when another process went on with it."""
     task, blind = record.started.task, record.started.is_blind
     memory = None if blind else remembered(record.before, monitor)
     return RunState(task, task.goal, record.initial if blind else Facts(), memory).resumed(since)

@@ -132,7 +132,7 @@ class Record:
 
 
 def same_causes(recorded: Decision, other: Decision) -> bool:
-    """Whether both decisions have the same causes; a record from before there were codes has them in words."""
+    """Return whether both decisions have the same causes; a record from before there were codes has them in words."""
     if recorded.code is Reason.RECORDED:
         return why(recorded) == why(other)
     return recorded.causes == other.causes

@@ -50,7 +50,7 @@ class Condition:
 
     @classmethod
     def of(cls, facts: Mapping[Atom, bool]) -> Condition:
-        """The conjunction of these literals."""
+        """Return the conjunction of these literals."""
         return cls._made(facts if isinstance(facts, Facts) else Facts(facts))
 
     @classmethod
@@ -60,7 +60,7 @@ class Condition:
 
     @classmethod
     def all_of(cls, conditions: Iterable[Condition]) -> Condition:
-        """The conjunction of these conditions."""
+        """Return the conjunction of these conditions."""
         literals: dict[Atom, bool] = {}
         waiting, choices = list(conditions), dict[tuple[Condition, ...], None]()
         while waiting:
@@ -78,7 +78,7 @@ class Condition:
 
     @classmethod
     def any_of(cls, conditions: Iterable[Condition]) -> Condition:
-        """The disjunction of these conditions."""
+        """Return the disjunction of these conditions."""
         alternatives: dict[Condition, None] = {}
         for condition in conditions:
             if condition == ALWAYS:
@@ -96,7 +96,7 @@ class Condition:
 
     @classmethod
     def parse(cls, *conjuncts: str) -> Condition:
-        """The conjunction of conditions as `str` prints them. A name alone is an atom without arguments.
+        """Return the conjunction of conditions as `str` prints them. A name alone is an atom without arguments.
 
         Raises:
             ValueError: a text is no condition.
@@ -137,7 +137,7 @@ class Condition:
         return Condition._made, (self.facts, self.choices)
 
     def texts(self) -> tuple[str, ...]:
-        """Each conjunct as text, which `parse` reads back."""
+        """Return each conjunct as text, which `parse` reads back."""
         alone = not self.facts and len(self.choices) == 1
         shown = [_disjunction(choice) for choice in self.choices]
         return (
@@ -171,12 +171,12 @@ class Condition:
         return Condition.all_of(part for part in self.conjuncts if part in kept)
 
     def without(self, conjuncts: Iterable[Condition]) -> Condition:
-        """The conjunction of those of its conjuncts that are not among these."""
+        """Return the conjunction of those of its conjuncts that are not among these."""
         dropped = frozenset(conjuncts)
         return Condition.all_of(part for part in self.conjuncts if part not in dropped)
 
     def truth(self, state: Mapping[Atom, bool]) -> bool | None:
-        """Whether it holds in a state; None where that depends on atoms which the state does not mention."""
+        """Return whether it holds in a state; None where that depends on atoms which the state does not mention."""
         result: bool | None = True
         for atom, value in self.facts.items():
             known = state.get(atom)
@@ -199,7 +199,7 @@ class Condition:
         return result
 
     def given(self, known: Mapping[Atom, bool]) -> Condition:
-        """What is left of it where these atoms are known."""
+        """Return what is left of it where these atoms are known."""
         if self.atoms.isdisjoint(known):
             return self
         if any(known.get(atom, value) is not value for atom, value in self.facts.items()):
@@ -329,12 +329,12 @@ class DerivedRules:
 
     @cached_property
     def fluents(self) -> frozenset[Atom]:
-        """The atoms that the rules name and that are not derived."""
+        """Return the atoms that the rules name and that are not derived."""
         return frozenset[Atom]().union(*(rule.atoms for rule in self.rules.values())) - self.rules.keys()
 
     @cached_property
     def _users(self) -> Mapping[Atom, tuple[Atom, ...]]:
-        """The derived atoms whose rules name each derived atom."""
+        """Return the derived atoms whose rules name each derived atom."""
         users: dict[Atom, list[Atom]] = {}
         for atom, rule in self.rules.items():
             for needed in sorted(rule.atoms & self.rules.keys()):
@@ -343,7 +343,7 @@ class DerivedRules:
 
     @cached_property
     def strata(self) -> tuple[tuple[Atom, ...], ...]:
-        """The derived atoms in groups, each of which depends on the one before it and on itself, and there on no
+        """Return the derived atoms in groups, each of which depends on the one before it and on itself, and there on no
         negation."""
         negated = {atom: frozenset(_negated(rule)) for atom, rule in self.rules.items()}
         level, waiting = dict.fromkeys(self.rules, 0), list(self._users)
@@ -399,7 +399,7 @@ class DerivedRules:
     def _fixpoint(
         self, stratum: tuple[Atom, ...], known: Mapping[Atom, bool], wanted: tuple[bool | None, ...]
     ) -> frozenset[Atom]:
-        """Those of a stratum's atoms whose rules come out as `wanted`, from none of them being true on."""
+        """Return those of a stratum's atoms whose rules come out as `wanted`, from none of them being true on."""
         state = {**known, **dict.fromkeys(stratum, False)}
         found: set[Atom] = set()
         waiting = list(stratum)

@@ -74,7 +74,7 @@ class Facts(Mapping[Atom, bool]):
 
     @classmethod
     def closed(cls, true: Iterable[Atom], universe: Iterable[Atom]) -> Facts:
-        """Every atom of `universe`: true when in `true`, else false (the closed-world reading of a PDDL :init)."""
+        """Return every atom of `universe`: true when in `true`, else false (the closed-world reading of a PDDL :init)."""
         holding = frozenset(true)
         return cls({atom: atom in holding for atom in (*universe, *holding)})
 
@@ -132,7 +132,7 @@ class Facts(Mapping[Atom, bool]):
         return f"Facts({', '.join(self.literals())})"
 
     def literals(self) -> tuple[str, ...]:
-        """The facts as text: `atom` or `not atom`, in sorted order. `Facts.parse` reads them back."""
+        """Return the facts as text: `atom` or `not atom`, in sorted order. `Facts.parse` reads them back."""
         return tuple(str(atom) if value else f"not {atom}" for atom, value in self._truth.items())
 
     @property
@@ -152,5 +152,5 @@ class Facts(Mapping[Atom, bool]):
         return Facts._in_order({atom: value for atom, value in self._truth.items() if atom in kept})
 
     def entails(self, required: Mapping[Atom, bool]) -> bool:
-        """Whether every literal of `required` is mentioned here with the same sign."""
+        """Return whether every literal of `required` is mentioned here with the same sign."""
         return all(self._truth.get(atom) is value for atom, value in required.items())

@@ -63,8 +63,8 @@ class Step:
         return self.precondition.atoms.union(*parts)
 
     def changes(self, state: Mapping[Atom, bool]) -> Mapping[Atom, bool | None]:
-        """What the step makes of each atom that it affects in a state, in which its precondition holds: None where that
-        cannot be told, as a condition's truth cannot. An atom both deleted and added is true afterwards.
+        """Return what the step makes of each atom that it affects in a state, in which its precondition holds: None
+        where that cannot be told, as a condition's truth cannot. An atom both deleted and added is true afterwards.
 
         Args:
             state: with derived atoms where conditions name some.
@@ -145,12 +145,12 @@ class Fluent:
         return {value: share / total for value, share in known.items()} if total > 0.0 else None
 
     def mean(self, probability: Mapping[Atom, float]) -> float | None:
-        """The mean of the values, weighted by the probabilities of their atoms."""
+        """Return the mean of the values, weighted by the probabilities of their atoms."""
         shares = self.distribution(probability)
         return None if shares is None else sum(value * share for value, share in shares.items())
 
     def most_probable(self, probability: Mapping[Atom, float]) -> int | None:
-        """The most probable value, the smallest of several."""
+        """Return the most probable value, the smallest of several."""
         shares = self.distribution(probability)
         return None if shares is None else max(shares, key=lambda value: (shares[value], -value))
 

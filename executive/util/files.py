@@ -66,7 +66,7 @@ def read_bytes(file: Path, *, largest: int = LARGEST, mistake: type[InputError] 
 
 
 def read_text(file: Path, *, largest: int = LARGEST, mistake: type[InputError] = InputError) -> str:
-    r"""A text file's content, in UTF-8 with or without a mark at its beginning; lines end with `\n`.
+    r"""Return a text file's content, in UTF-8 with or without a mark at its beginning; lines end with `\n`.
 
     Raises:
         InputError: as `read_bytes`, or it is not UTF-8.
@@ -79,7 +79,7 @@ def read_text(file: Path, *, largest: int = LARGEST, mistake: type[InputError] =
 
 
 def read_toml(file: Path, *, largest: int = LARGEST_TOML, mistake: type[InputError] = InputError) -> dict[str, Any]:
-    """A TOML file's table.
+    """Return a TOML file's table.
 
     Raises:
         InputError: as `read_text`, or it is not TOML.
@@ -113,7 +113,7 @@ def parse_toml(text: str, file: Path, *, mistake: type[InputError] = InputError)
 
 
 def read_json(file: Path, *, largest: int = LARGEST, mistake: type[InputError] = InputError) -> Any:
-    """A JSON file's value.
+    """Return a JSON file's value.
 
     Raises:
         InputError: as `read_bytes`, or it is not JSON.
@@ -126,7 +126,7 @@ def read_json(file: Path, *, largest: int = LARGEST, mistake: type[InputError] =
 
 
 def parse_json(data: bytes | str) -> Any:
-    """The value in a JSON text.
+    """Return the value in a JSON text.
 
     Raises:
         ValueError: it is not JSON.
@@ -146,7 +146,7 @@ def parse_json(data: bytes | str) -> Any:
 
 
 def parse_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
-    """The arrays in a file that `numpy.savez` wrote, by name. Nothing in it is run.
+    """Return the arrays in a file that `numpy.savez` wrote, by name. Nothing in it is run.
 
     Raises:
         ValueError: it is none.

@@ -96,7 +96,7 @@ def give_back_memory() -> None:
 
 
 def check() -> list[Missing]:
-    """Everything that is missing on this machine; empty when a run can start."""
+    """Return everything that is missing on this machine; empty when a run can start."""
     system = wrong_system(sys.platform, sys.version_info[:2])
     if system is not None:
         return [system]
@@ -123,7 +123,7 @@ def wrong_system(name: str, python: Sequence[int]) -> Missing | None:
 
 
 def missing_packages(needed: Collection[str] | None = None) -> list[Missing]:
-    """Those of `PACKAGES` that are not installed, or only those of them that are `needed`."""
+    """Return those of `PACKAGES` that are not installed, or only those of them that are `needed`."""
     packages = {module: name for module, name in PACKAGES.items() if needed is None or module in needed}
     missing = [name for module, name in packages.items() if find_spec(module) is None]
     if not missing:
@@ -183,7 +183,7 @@ def choose_renderer() -> str:
 
 
 def has_display(environment: Mapping[str, str] = os.environ, system: str = sys.platform) -> bool:
-    """Whether a window can be opened."""
+    """Return whether a window can be opened."""
     return not system.startswith("linux") or any(environment.get(key) for key in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
@@ -203,7 +203,7 @@ def cannot_draw(why: str) -> ExecutiveError:
 
 
 def missing_libraries() -> list[Missing]:
-    """The system libraries that cannot be loaded (Linux).
+    """Return the system libraries that cannot be loaded (Linux).
 
     Raises:
         InputError: an environment variable selects a renderer that cannot work.

@@ -107,7 +107,7 @@ def _heard(number: int, frame: FrameType | None) -> None:
 
 
 def _children() -> frozenset[int]:
-    """The processes that descend from this one; none where the system does not tell."""
+    """Return the processes that descend from this one; none where the system does not tell."""
     found: set[int] = set()
     waiting = [os.getpid()]
     while waiting:

@@ -132,7 +132,7 @@ def action(number: int | None, some: Step, attempt: int = 1) -> str:
 
 
 def skill(result: SkillResult) -> str:
-    """What a skill reports, and when."""
+    """Return what a skill reports, and when."""
     sense = f", {result.sense}" if result.sense else ""
     detail = f" ({result.reason})" if result.reason else ""
     early = result.planned_seconds - result.seconds
@@ -159,14 +159,14 @@ def ended(end: Ended) -> str:
 
 
 def account(end: Ended) -> str:
-    """What a run came to."""
+    """Return what a run came to."""
     seen = f"the goal is{' not' * (not end.goal_seen)} seen to hold"
     missing = f"; unreached: {', '.join(end.unreached)}" if end.unreached else ""
     return f"the end, {end.outcome}: {counts(action=end.actions, replan=end.replans, look=end.looks)}; {seen}{missing}"
 
 
 def ground(atom: Ground) -> str:
-    """What was believed of an atom that a decision depended on."""
+    """Return what was believed of an atom that a decision depended on."""
     assumed = "assumed to be " if atom.observation_id < 0 and atom.probability is None else ""
     believed = "cannot be told" if atom.believed is None else f"is {assumed}{truth(atom.believed)}"
     expected = "" if atom.expected is None else f" (expected {truth(atom.expected)})"
@@ -195,5 +195,5 @@ EVENTS: Mapping[type, Callable[[Any], str]] = {
 
 
 def event(payload: object) -> str:
-    """The phrase for what happens."""
+    """Return the phrase for what happens."""
     return EVENTS[type(payload)](payload)

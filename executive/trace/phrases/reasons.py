@@ -15,7 +15,7 @@ _JOINED = {Reason.UNCERTAIN: ", and ", Reason.GOAL_KEPT: ", ", Reason.DONE_AGAIN
 
 
 def why(decided: Decision | Ended | Iterable[Cause]) -> str:
-    """Why something was decided, or why a run ended."""
+    """Return why something was decided, or why a run ended."""
     causes = decided.causes if isinstance(decided, Decision | Ended) else decided
     text = ""
     for cause in causes:

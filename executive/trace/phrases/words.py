@@ -11,7 +11,7 @@ MOST = 6
 
 
 def sentence(phrase: str) -> str:
-    """A phrase as a sentence."""
+    """Return a phrase as a sentence."""
     return f"{phrase[:1].upper()}{phrase[1:]}."
 
 
@@ -38,7 +38,7 @@ def listed(things: Collection[object], most: int = MOST) -> str:
 
 
 def compared(what: str, about: Step | None) -> str:
-    """What a comparison is about: what a step needs, or what came of it, or the goal."""
+    """Return what a comparison is about: what a step needs, or what came of it, or the goal."""
     if what == "goal":
         return "the goal"
     moment = {"preconditions": "before", "effects": "after"}.get(what, what)
@@ -46,17 +46,17 @@ def compared(what: str, about: Step | None) -> str:
 
 
 def opening(compiling: str, planning: bool) -> str:
-    """What goes on before the first step."""
+    """Return what goes on before the first step."""
     return "planning" if planning else f"compiling {compiling}" if compiling else "looking at the world"
 
 
 def note(wrong: str, cut_off: bool = False) -> str:
-    """What went wrong with a step."""
+    """Return what went wrong with a step."""
     return "cut off" if cut_off else wrong
 
 
 def goal(count: tuple[int, int] | None, is_assumed: bool) -> str:
-    """How many of how many parts of the goal hold."""
+    """Return how many of how many parts of the goal hold."""
     return "" if count is None else f"goal {count[0]} of {count[1]}{' assumed' * is_assumed}"
 
 

@@ -33,7 +33,7 @@ RECORDED: Mapping[str, type] = {
 
 
 def encode(value: Any) -> JsonValue:
-    """A JSON value for anything that flows through the executive.
+    """Return a JSON value for anything that flows through the executive.
 
     Floats that JSON has no number for become "nan", "inf" and "-inf". Whatever is unknown (a Path among a run's
     settings, say) becomes its text.
@@ -76,7 +76,7 @@ _CAUSE = {field.name: field.default for field in fields(Cause)}
 
 
 def decode(hint: Any, data: JsonValue) -> Any:
-    """The value of type `hint` that `encode` made `data` from.
+    """Return the value of type `hint` that `encode` made `data` from.
 
     Raises:
         ValueError: when `data` is not what `encode` writes for that type; the message names the field.

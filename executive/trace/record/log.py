@@ -181,17 +181,17 @@ class EventLog:
 
 
 def picture_name(observation: int, camera: str) -> str:
-    """Where in a run's folder a camera's picture of an observation lies."""
+    """Return where in a run's folder a camera's picture of an observation lies."""
     return f"{IMAGES_FOLDER}/{observation:04d}-{quote(camera, safe='')}.jpg"
 
 
 def depth_name(observation: int, camera: str) -> str:
-    """Where in a run's folder a camera's depth picture of an observation lies."""
+    """Return where in a run's folder a camera's depth picture of an observation lies."""
     return f"{DEPTH_FOLDER}/{observation:04d}-{quote(camera, safe='')}.png"
 
 
 def read_events(run: Path | str, images: bool = True) -> Iterator[Event]:
-    """The events of a run, in the order in which they happened.
+    """Yield the events of a run, in the order in which they happened.
 
     Args:
         run: a run's folder, or its `events.jsonl`.
@@ -245,8 +245,8 @@ def _event(line: bytes, folder: Path, images: bool) -> Event:
 
 
 def _renamed(event: Event) -> Event:
-    """An event of a run in which nobody looked. In records made before `plan-completed` had its name, such a run ended
-    as if the goal had been seen."""
+    """Return an event of a run in which nobody looked. In records made before `plan-completed` had its name, such a run
+    ended as if the goal had been seen."""
     payload = event.payload
     if isinstance(payload, Decision | Ended) and payload.outcome is OutcomeKind.GOAL_REACHED:
         return replace(event, payload=replace(payload, outcome=OutcomeKind.PLAN_COMPLETED))
@@ -303,7 +303,7 @@ def _thinned(motion: Motion) -> Motion:
 
 
 def _whole(file: int) -> int:
-    """How many bytes of a record are whole lines."""
+    """Return how many bytes of a record are whole lines."""
     end = os.fstat(file).st_size
     while end:
         start = max(0, end - 65536)

@@ -95,7 +95,7 @@ def save(run: Path | str, monitor: Monitor) -> Path | None:
 
 
 def load(run: Path | str, atoms: Sequence[Atom]) -> Monitor:
-    """The monitor that a run with these atoms had.
+    """Return the monitor that a run with these atoms had.
 
     Raises:
         InputError: there is none in its folder, or a damaged one.
@@ -116,7 +116,7 @@ def load(run: Path | str, atoms: Sequence[Atom]) -> Monitor:
 
 
 def described(monitor: Monitor) -> str:
-    """A monitor in a few words."""
+    """Return a monitor in a few words."""
     match monitor:
         case ThresholdMonitor(thresholds=Thresholds(low=low, high=high)):
             return f"threshold {high:g}" if low == high else f"thresholds {low:g} and {high:g}"

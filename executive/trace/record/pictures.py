@@ -22,7 +22,7 @@ Picture = TypeVar("Picture", Image, DepthImage)
 
 
 def to_jpeg(image: Image, quality: int = 90) -> bytes:
-    """An (H, W, 3) uint8 RGB picture as JPEG."""
+    """Return an (H, W, 3) uint8 RGB picture as JPEG."""
     from PIL import Image as Picture
 
     buffer = io.BytesIO()
@@ -31,7 +31,7 @@ def to_jpeg(image: Image, quality: int = 90) -> bytes:
 
 
 def from_jpeg(data: bytes) -> Image:
-    """The picture in a JPEG, (H, W, 3) uint8 RGB.
+    """Return the picture in a JPEG, (H, W, 3) uint8 RGB.
 
     Raises:
         ValueError: it is none, or a broken or a very large one.
@@ -40,7 +40,7 @@ def from_jpeg(data: bytes) -> Image:
 
 
 def depth_to_png(depth: DepthImage) -> bytes:
-    """An (H, W) uint16 depth picture in mm as a PNG of one channel of 16 bits."""
+    """Return an (H, W) uint16 depth picture in mm as a PNG of one channel of 16 bits."""
     from PIL import Image as Picture
 
     buffer = io.BytesIO()
@@ -49,7 +49,7 @@ def depth_to_png(depth: DepthImage) -> bytes:
 
 
 def depth_from_png(data: bytes) -> DepthImage:
-    """The depth picture in a PNG of 16 bits, (H, W) uint16.
+    """Return the depth picture in a PNG of 16 bits, (H, W) uint16.
 
     Raises:
         ValueError: it is none, or a broken or a very large one.
@@ -83,7 +83,7 @@ def _decoded(data: bytes, kind: str, mode: str) -> Any:
 
 
 def read_picture(path: Path) -> Image:
-    """The picture in a file, (H, W, 3) uint8 RGB.
+    """Return the picture in a file, (H, W, 3) uint8 RGB.
 
     Raises:
         InputError: the file is missing or is no picture.
@@ -92,7 +92,7 @@ def read_picture(path: Path) -> Image:
 
 
 def read_depth(path: Path) -> DepthImage:
-    """The depth picture in a file, (H, W) uint16 in mm.
+    """Return the depth picture in a file, (H, W) uint16 in mm.
 
     Raises:
         InputError: the file is missing or is no depth picture.

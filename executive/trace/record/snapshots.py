@@ -59,7 +59,7 @@ class Snapshots:
 
 
 def latest(run: Path | str) -> Iterator[tuple[int, bytes]]:
-    """The snapshots of a run, the latest first: the cycle, and what the world was then."""
+    """Yield the snapshots of a run, the latest first: the cycle, and what the world was then."""
     folder = Path(run) / FOLDER
     names = [path for path in folder.glob(f"[0-9]*{SUFFIX}") if path.stem.isdecimal() and path.is_file()]
     for path in sorted(names, key=lambda path: int(path.stem), reverse=True):

@@ -24,7 +24,7 @@ def thresholds(monitor: Monitor | None) -> Mapping[str, Thresholds]:
 
 
 def recorded_thresholds(run: Path, task: Task) -> Mapping[str, Thresholds]:
-    """The same of a run's folder; nothing where it does not say."""
+    """Return the same of a run's folder; nothing where it does not say."""
     try:
         return thresholds(monitor_file.load(run, task.atoms))
     except InputError:

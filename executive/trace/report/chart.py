@@ -128,6 +128,6 @@ def _small(picture: Image) -> Image:
 
 
 def _short(name: str) -> str:
-    """A name that leaves room for the curves, and means itself alone to matplotlib."""
+    """Return a name that leaves room for the curves, and means itself alone to matplotlib."""
     cut = name if len(name) <= 48 else f"{name[:45]}..."
     return cut.replace("$", r"\$")

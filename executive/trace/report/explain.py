@@ -95,7 +95,7 @@ def _chapter(events: Sequence[Event], story: Story, whole: bool) -> list[str]:
 
 
 def _lines(event: Event, story: Story, whole: bool) -> list[str]:
-    """What is told of an event, which `story` has been told of; a look is told once its answers are there."""
+    """Return what is told of an event, which `story` has been told of; a look is told once its answers are there."""
     match event.payload:
         case Looked() as look:
             return _look(look, story, whole)
@@ -178,5 +178,5 @@ def _decided(decision: Decision) -> list[str]:
 
 
 def _pictures(observation: int, cameras: Sequence[str]) -> str:
-    """Where the pictures of a look lie."""
+    """Return where the pictures of a look lie."""
     return f"Pictures of look {observation}: {', '.join(picture_name(observation, camera) for camera in cameras)}."

@@ -97,7 +97,7 @@ class Collector:
         pass
 
     def summary(self, goal_true: bool | None = None) -> Summary:
-        """What the events so far come to. A run whose end is not among them has crashed.
+        """Return what the events so far come to. A run whose end is not among them has crashed.
 
         Args:
             goal_true: the scorer's verdict; nothing in the events may know it.
@@ -143,7 +143,7 @@ class Collector:
 
 
 def _given_up(story: Story, unreached: Sequence[str]) -> Iterator[GivenUp]:
-    """What was given up and not reached after all: why, and as it was seen last."""
+    """Yield what was given up and not reached after all: why, and as it was seen last."""
     ends = (DecisionKind.GIVE_UP_GOAL, DecisionKind.STOP)
     for literal in unreached:
         name = literal.removeprefix("not ")

@@ -51,7 +51,7 @@ class Costs:
                 self.again += 1
 
     def wall_seconds(self, total: float) -> dict[str, float]:
-        """Where the `total` wall seconds of a run went: `total`, and each stage."""
+        """Return where the `total` wall seconds of a run went: `total`, and each stage."""
         stages = {stage: max(0.0, seconds) for stage, seconds in self.stages.items()}
         stages["other"] = max(0.0, total - sum(stages.values()) + stages["other"])
         return {"total": round(total, 3), **{stage: round(seconds, 3) for stage, seconds in stages.items()}}

@@ -162,7 +162,7 @@ class Story:
         return sum(decision.kind is DecisionKind.RETRY for _, decision in self.decisions)
 
     def unreached(self) -> tuple[str, ...]:
-        """The parts of the goal that the last looks did not show."""
+        """Return the parts of the goal that the last looks did not show."""
         if self.started is None:
             return ()
         if self._unreached is None:
@@ -364,7 +364,7 @@ class Story:
 
 
 def _is_of(expected: Facts, condition: Condition) -> bool:
-    """Whether these may be the literals by which a condition was judged."""
+    """Return whether these may be the literals by which a condition was judged."""
     return expected == condition.literals or (bool(condition.choices) and condition.atoms.issuperset(expected))
 
 
@@ -372,7 +372,7 @@ _TELLING = (Blinded, Compared, Decision, FaultInjected, Guarded, Judged, Moved, 
 
 
 def _is_news(payload: object) -> bool:
-    """Whether an event is out of the ordinary."""
+    """Return whether an event is out of the ordinary."""
     match payload:
         case FaultInjected() | Blinded() | Moved() | Plan() | NoPlan():
             return True

@@ -64,7 +64,7 @@ def _print_plain(groups: Sequence[Sequence[Line]], console: Console) -> None:
 
 
 def _gauge(probability: float | None, console: Console) -> str:
-    """The probability as a number and as a bar, always equally wide."""
+    """Return the probability as a number and as a bar, always equally wide."""
     if probability is None:
         return f"   ?  {'':{_WIDTH}}"
     full, rest = ("#", ".") if console.options.ascii_only else ("\N{FULL BLOCK}", "\N{MIDDLE DOT}")

@@ -59,7 +59,7 @@ _ATOMS, _REMARKS = 5, 4
 
 
 def dashboard(story: Story, width: int, height: int) -> list[Text]:
-    """The live view: no more than `height` lines of at most `width` cells.
+    """Return the live view: no more than `height` lines of at most `width` cells.
 
     What changes most stands last, so that the rest keeps its place.
     """
@@ -74,7 +74,7 @@ def dashboard(story: Story, width: int, height: int) -> list[Text]:
 
 
 def story_lines(story: Story, width: int) -> list[Text]:
-    """The whole run so far, to stay on the screen: every plan, how its steps ended, and what came in between."""
+    """Return the whole run so far, to stay on the screen: every plan, how its steps ended, and what came in between."""
     lines = [_title(story)]
     for remark in story.opening:
         lines += _wrapped(_remark(remark), width, "  ")
@@ -130,7 +130,7 @@ def _plan_title(plan: PlanLine) -> str:
 
 
 def _plan_lines(story: Story, room: int) -> list[Text]:
-    """The plan in at most `room` lines: the steps around the current one where there are more."""
+    """Return the plan in at most `room` lines: the steps around the current one where there are more."""
     plan = story.plan
     if plan is None:
         return [Text(phrases.opening(story.compiling, planning=bool(story.probability)), "cyan")]

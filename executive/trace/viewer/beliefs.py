@@ -80,9 +80,9 @@ class Beliefs:
         self._show(self._amiss)
 
     def telling(self, goal: Iterable[Atom], most_words: int, most_curves: int) -> tuple[list[str], list[str]]:
-        """Which of the atoms in play tell most, as entities: in words some that were amiss most often, and the goal's;
-        as curves those that were amiss, and those whose answers were not what was made of them. The curves get colours
-        that can be told apart."""
+        """Return which of the atoms in play tell most, as entities: in words some that were amiss most often, and the
+        goal's; as curves those that were amiss, and those whose answers were not what was made of them. The curves get
+        colours that can be told apart."""
         amiss = [atom for atom, _ in self._amiss.most_common()]
         doubted = sorted(self._answers.keys() & self._shown, key=lambda atom: (-len(self._answers[atom]), atom))
         rest = [*(atom for atom in sorted(goal) if atom in self._shown), *amiss, *self._shown]

@@ -57,7 +57,7 @@ class Shown:
 
 
 def blueprint(shown: Shown) -> rrb.Blueprint:
-    """The layout."""
+    """Return the layout."""
     axis = _time_axis(shown.seconds, _END)
     seen = [_pictures(shown.pictures)] if shown.pictures else []
     space: list[rrb.View | rrb.Container] = [*([_scene(shown.cameras)] if shown.cameras else []), *seen]
@@ -128,13 +128,13 @@ def _time_axis(seconds: float | None, after: float) -> rrb.TimeAxis | None:
 
 
 def _entities(roots: Sequence[str], atoms: Sequence[str] | None) -> list[str]:
-    """The query for some atoms below each of these roots."""
+    """Return the query for some atoms below each of these roots."""
     below = ["**"] if atoms is None else atoms
     return [f"+ /{root}/{path}" for path in below for root in roots]
 
 
 def _pictures(names: Sequence[str]) -> rrb.Container:
-    """The first camera large, the others small beside it."""
+    """Return the first camera large, the others small beside it."""
     first, *others = [_picture(name) for name in names]
     if len(others) < 2:
         return rrb.Horizontal(first, *others)
@@ -142,7 +142,7 @@ def _pictures(names: Sequence[str]) -> rrb.Container:
 
 
 def _picture(name: str) -> rrb.Spatial2DView:
-    """What a camera saw, without what it measured: that is in space."""
+    """Return what a camera saw, without what it measured: that is in space."""
     return rrb.Spatial2DView(origin=f"{CAMERAS}/{name}", name=name, contents=["+ $origin/**", f"- $origin/{DEPTH}"])
 
 
@@ -160,7 +160,8 @@ def _scene(cameras: Sequence[Camera]) -> rrb.Spatial3DView:
 
 
 def viewpoint(cameras: Sequence[Camera]) -> tuple[FloatArray, FloatArray]:
-    """Where to look from and at, both (3,) in m: at what the cameras look at, from beside and above the first one.
+    """Return where to look from and at, both (3,) in m: at what the cameras look at, from beside and above the first
+    one.
 
     Cameras are placed to show where the action is; their optical axes meet there.
     """

@@ -62,7 +62,7 @@ class Grip:
 
 
 def _within(frame: FloatArray, pose: FloatArray) -> FloatArray:
-    """Where `pose` is, (3,) in m, as seen from `frame`; both (7,)."""
+    """Return where `pose` is, (3,) in m, as seen from `frame`; both (7,)."""
     w, x, y, z = frame[3:] / np.linalg.norm(frame[3:])
     turn = np.array(
         [

@@ -53,7 +53,7 @@ _LEVELS: Mapping[type, tuple[str, Colour]] = {
 
 
 def log_lines(payload: Payload, story: Story) -> list[LogLine]:
-    """What the log says of an event; `story` has been told of it."""
+    """Return what the log says of an event; `story` has been told of it."""
     match payload:
         case Questions(warnings=warnings):
             return [LogLine(warning, "QUESTION", AMBER) for warning in warnings]
@@ -82,7 +82,7 @@ def _first(some: Sequence[object]) -> str:
 
 
 def _is_told(decision: Decision) -> bool:
-    """Whether a decision is not what happens when all goes well, and not told by the end of the run."""
+    """Return whether a decision is not what happens when all goes well, and not told by the end of the run."""
     routine = decision.kind is DecisionKind.CONTINUE and (decision.report is None or decision.report.done)
     return not routine and decision.kind is not DecisionKind.STOP
 

@@ -77,7 +77,7 @@ def time_columns(events: Sequence[Event]) -> list[rr.TimeColumn]:
 
 
 def mesh(geometry: Geometry) -> rr.Mesh3D:
-    """A shape in its body's frame, in one colour."""
+    """Return a shape in its body's frame, in one colour."""
     return rr.Mesh3D(
         vertex_positions=geometry.vertices,
         triangle_indices=geometry.faces,

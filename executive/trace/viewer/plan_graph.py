@@ -65,7 +65,8 @@ def plan_graph(rows: Sequence[Row]) -> tuple[rr.GraphNodes, rr.GraphEdges]:
 
 
 def _rows(plan: PlanLine, is_current: bool, room: int) -> Sequence[Row]:
-    """A plan in at most `room` rows. Of one that another took the place of, what was never begun is counted alone."""
+    """Return a plan in at most `room` rows. Of one that another took the place of, what was never begun is counted
+    alone."""
     lines = plan.lines
     if not is_current:
         lines = lines[: 1 + max((at for at, line in enumerate(lines) if line.mark is not Mark.DROPPED), default=-1)]

@@ -37,7 +37,7 @@ class ViewerError(ExecutiveError):
 
 
 def trace_file(trace: Path | str) -> Path:
-    """The viewer's file of a run, given the run's folder or that file itself.
+    """Return the viewer's file of a run, given the run's folder or that file itself.
 
     Raises:
         InputError: there is none.
@@ -141,7 +141,7 @@ def headless_viewer(size: tuple[int, int]) -> Iterator[ViewerClient]:
 
 
 def viewer_command(*arguments: str) -> list[str]:
-    """The command line of this environment's own viewer."""
+    """Return the command line of this environment's own viewer."""
     return [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *arguments]
 
 
@@ -164,7 +164,7 @@ def started(command: list[str], environment: Mapping[str, str]) -> Iterator[tupl
 
 
 def free_port() -> int:
-    """A TCP port of the loopback interface that nobody listens on now."""
+    """Return a TCP port of the loopback interface that nobody listens on now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

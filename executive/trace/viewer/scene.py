@@ -168,8 +168,8 @@ class Scene:
         return next((name for name in (body, body.split("/")[0]) if name in self._objects), "")
 
     def _body(self, body: str) -> list[object]:
-        """Where a body with a shape hangs in the tree: among the task's objects by their type, or as part of the robot.
-        All hang side by side, for all poses are the world's."""
+        """Return where a body with a shape hangs in the tree: among the task's objects by their type, or as part of the
+        robot. All hang side by side, for all poses are the world's."""
         if body not in self._entities:
             owner = self._owner(body)
             kind = "room" if not body else self._objects[owner] if owner else "robot"

@@ -41,7 +41,7 @@ def escaped(text: str) -> str:
 
 
 def status(story: Story) -> str:
-    """Where the run stands; at its end, what it came to."""
+    """Return where the run stands; at its end, what it came to."""
     started = story.started
     if started is None:
         return ""
@@ -61,8 +61,8 @@ def status(story: Story) -> str:
 
 
 def belief(story: Story) -> str:
-    """What was expected against what was believed in the last comparison; before the first one, what is believed, or
-    assumed where nobody looks."""
+    """Return what was expected against what was believed in the last comparison; before the first one, what is
+    believed, or assumed where nobody looks."""
     compared = story.compared
     if compared is None:
         true = [(escaped(str(atom)), f"{p:.2f}") for atom, p in sorted(story.probability.items()) if p >= 0.5]
@@ -85,8 +85,8 @@ def belief(story: Story) -> str:
 
 
 def look(story: Story) -> str:
-    """What the last look changed in what is known, and through which cameras; while something is carried, what the
-    last glance at it showed."""
+    """Return what the last look changed in what is known, and through which cameras; while something is carried, what
+    the last glance at it showed."""
     last, glance = story.seeing.last, story.seeing.glance
     if last is None:
         return ""
@@ -107,14 +107,14 @@ def look(story: Story) -> str:
 
 
 def step_label(line: StepLine) -> str:
-    """A step as a node of the plan's graph."""
+    """Return a step as a node of the plan's graph."""
     note = phrases.note(line.note, line.cut_off)
     tail = f"\n({note})" if note else ""
     return plain("\n".join((f"{MARKS[line.mark]} {line.step.action}", *line.step.args)) + tail)
 
 
 def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
-    """All that is not as expected; of the rest what the step was to change, or, if it is no step, everything."""
+    """Return all that is not as expected; of the rest what the step was to change, or, if it is no step, everything."""
     compared = story.compared
     step = story.compared_step if compared is not None and compared.what == "effects" else None
     wanted = [
@@ -124,8 +124,8 @@ def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:
 
 
 def _alarm(lines: Sequence[AtomLine]) -> list[str]:
-    """What stands out at once: how many surprises and doubts there are, in large letters. (The viewer's Markdown has no
-    colours, and its boxes for warnings begin with glyphs that its fonts lack.)"""
+    """Return what stands out at once: how many surprises and doubts there are, in large letters. (The viewer's Markdown
+    has no colours, and its boxes for warnings begin with glyphs that its fonts lack.)"""
     counts = {Standing.SURPRISE: "not as expected", Standing.DOUBT: "cannot be told"}
     told = [
         f"{_STANDINGS[standing]} {count} {what}"
@@ -136,7 +136,7 @@ def _alarm(lines: Sequence[AtomLine]) -> list[str]:
 
 
 def _note(story: Story, atom: Atom) -> str:
-    """What an atom's probability rests on, where that is not the answer to a question about it alone."""
+    """Return what an atom's probability rests on, where that is not the answer to a question about it alone."""
     last, kept = story.seeing.last, story.seeing.remembered.get(atom)
     if kept is not None:
         return f"seen {phrases.plural(kept.age, 'cycle')} ago"
@@ -147,7 +147,7 @@ def _note(story: Story, atom: Atom) -> str:
 
 
 def _taken(last: LookLine, cameras: Set[str]) -> str:
-    """Which look it was, and what it took: through which of the `cameras`, unless it was all of them."""
+    """Return which look it was, and what it took: through which of the `cameras`, unless it was all of them."""
     if last.id < 0:
         return "**told, not seen**"
     through = last.cameras if set(last.cameras) < cameras else ()

@@ -38,7 +38,7 @@ class _InstanceInfo(ctypes.Structure):
 
 
 def devices() -> list[tuple[str, str]]:
-    """The name and the kind (one of `KINDS`) of every device.
+    """Return the name and the kind (one of `KINDS`) of every device.
 
     Raises:
         OSError: there is no Vulkan library, or no driver for it.
