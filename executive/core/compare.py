@@ -136,7 +136,7 @@ def _read(steps: Sequence[Step], goal: Condition, rules: DerivedRules) -> tuple[
 def _decisive(
     steps: Sequence[Step], state: Facts, goal: Condition, rules: DerivedRules, atoms: Sequence[Atom]
 ) -> set[Atom]:
-    """Return those of the atoms without which, all of them unknown, it would be open whether the steps reach the goal."""
+    """Return those of the atoms without which it would be unknown whether the steps reach the goal."""
     if not atoms or reaches(steps, state.without(atoms), goal, rules):
         return set()
     dropped: list[Atom] = []

@@ -147,7 +147,7 @@ class RunState:
         return Failures(before.get(relevant_facts(step, known), 0) + 1, sum(before.values()) + 1)
 
     def stuck_among(self, steps: Iterable[Step], state: Facts, allowed: StuckSteps) -> frozenset[Step]:
-        """Return those of the steps, carried out in order from the complete `state`, that are stuck and not `allowed`."""
+        """Return those of the steps, carried out in order from a complete state, that are stuck and not `allowed`."""
         found = set()
         for step in steps if self.stuck else ():
             if (stuck := self.stuck.get(step)) is not None:

@@ -116,7 +116,7 @@ def _opened(wanted: MonitorConfig, folder: Path, record: Record) -> Monitor:
 
 
 def side_by_side(record: Record, replayed: Replay) -> list[Row]:
-    """Return the decisions of both, cycle by cycle. Where the record was cut off, what is decided beyond is left out."""
+    """Return the decisions of both, cycle by cycle. What is decided beyond the end of a record is left out."""
     mine = replayed.decisions
     if record.cut and not replayed.parted:
         mine = mine[: len(record.decisions)]

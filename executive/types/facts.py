@@ -74,7 +74,7 @@ class Facts(Mapping[Atom, bool]):
 
     @classmethod
     def closed(cls, true: Iterable[Atom], universe: Iterable[Atom]) -> Facts:
-        """Return every atom of `universe`: true when in `true`, else false (the closed-world reading of a PDDL :init)."""
+        """Return every atom of `universe`: true when in `true`, else false (the closed world of a PDDL :init)."""
         holding = frozenset(true)
         return cls({atom: atom in holding for atom in (*universe, *holding)})
 

@@ -25,7 +25,7 @@ def console_for(stream: TextIO, environment: Mapping[str, str] = os.environ) -> 
 
 
 def printable(text: str) -> str:
-    """Return the text in one line, with nothing in it that moves the cursor: messages from outside may hold anything."""
+    """Return the text in one line, without what moves the cursor: messages from outside may hold anything."""
     return "".join(each if each.isprintable() else " " for each in text)
 
 
@@ -58,5 +58,5 @@ codecs.register_error(_IN_ASCII, _in_ascii)
 
 
 def is_live(console: Console) -> bool:
-    """Return whether lines on this console can be taken back: a terminal that moves its cursor, and colour is wanted."""
+    """Return whether lines on this console can be taken back: a terminal with a cursor, where colour is wanted."""
     return console.is_terminal and not console.is_dumb_terminal and not console.no_color

@@ -168,7 +168,7 @@ def test_a_model_that_stops_answering_ends_the_run_by_name(
     assert summary["outcome"] in {OutcomeKind.GAVE_UP, OutcomeKind.NO_PLAN, OutcomeKind.PARTIAL}
     assert summary["goal_seen"] is False
     assert len(of(recorder, Dispatched)) == after
-    assert of(recorder, Ended)[0].reason
+    assert of(recorder, Ended)[0].causes
 
 
 def test_a_server_that_goes_away_ends_the_run_by_name(seen: Callable[..., tuple[Run, Recorder]]) -> None:

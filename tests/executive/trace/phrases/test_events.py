@@ -27,6 +27,7 @@ from executive.types import (
     NoPlanReason,
     OutcomeKind,
     Payload,
+    PictureFault,
     Plan,
     Reason,
     SkillResult,
@@ -79,6 +80,13 @@ def test_terminal_viewer_and_report_say_the_same_in_the_same_words(payload: Payl
     assert phrase in terminal.getvalue()
     assert [line.text for line in log_lines(payload, story_of(events))] == [phrase]
     assert any(phrase in line or phrases.sentence(phrase) in line for line in explain(events))
+
+
+@pytest.mark.parametrize("fault", PictureFault)
+def test_why_a_picture_tells_nothing_is_a_code_in_new_records_and_words_in_old_ones(fault: PictureFault) -> None:
+    told = phrases.event(Blinded("hand", fault, 3))
+    assert told.startswith("camera hand is left out: its picture")
+    assert phrases.event(Blinded("hand", told.partition(": ")[2], 3)) == told
 
 
 def test_a_run_is_named_with_who_looks() -> None:

@@ -148,7 +148,7 @@ def test_thresholds_are_those_of_the_monitor_and_of_its_record(tmp_path: Path) -
     ("payload", "level", "says"),
     [
         (look(7, {LEMON: 0.5}, LookKind.CLOSER)[2], "LOOK", "look 7: 1 of 9 atoms, closer, through front"),
-        (Blinded("hand", "frozen", 3), "LOOK", "camera hand is left out: frozen"),
+        (Blinded("hand", "its lens is wet", 3), "LOOK", "camera hand is left out: its lens is wet"),
         (Guarded(LEMON, None, False, 3), "GUARD", f"guard: {LEMON} cannot be told (look 3)"),
         (
             Guarded(LEMON, False, True, 3),
