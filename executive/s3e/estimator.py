@@ -12,8 +12,17 @@ from typing import TypeAlias
 
 import numpy as np
 
-from executive.errors import MissingError, nearest
-from executive.s3e.backends.interface import LEAST_MASS, Answer, AnswerWords, Backend, Look
+from executive.errors import InputError, MissingError, nearest
+from executive.s3e.backends.interface import (
+    LEAST_MASS,
+    Answer,
+    AnswerWords,
+    Backend,
+    CountingBackend,
+    Look,
+    Numerals,
+    Words,
+)
 from executive.types import Atom, Belief, Evidence, Image, Observation, Questions
 
 log = logging.getLogger(__name__)
@@ -76,7 +85,7 @@ class S3E:
         self.backend, self.questions, self.views, self.least_mass = backend, questions, Views(views), least_mass
         self.cameras, self._calibrate = None if cameras is None else tuple(cameras), calibrate
         self._observation: Observation | None = None
-        self._looks: dict[tuple[str, ...], Look] = {}
+        self._looks: dict[tuple[tuple[str, ...], Words], Look] = {}
 
     @property
     def name(self) -> str:
@@ -125,30 +134,49 @@ class S3E:
         return f"no picture from {', '.join(self.cameras)}; {nearest(self.cameras[0], observation.images)}"
 
     def _answers(self, observation: Observation, cameras: tuple[str, ...], atoms: Sequence[Atom]) -> dict[Atom, Answer]:
-        """An answer for each atom, whatever happens."""
-        if not atoms:
-            return {}
+        """An answer for each atom, whatever happens. The values of a numeric fluent have one question together."""
+        text, numerals = self.questions.text, self.questions.numerals
+        plain = [atom for atom in atoms if atom not in numerals]
+        said = self._said(observation, cameras, [text[atom] for atom in plain], AnswerWords(*self.questions.answers))
+        answers = dict(zip(plain, said, strict=True))
+        numbers = list(dict.fromkeys(text[atom] for atom in atoms if atom in numerals))
+        most = Numerals(max(numerals.values(), default=0))
+        counts = dict(zip(numbers, self._said(observation, cameras, numbers, most), strict=True))
+        answers |= {atom: counts[text[atom]].that_it_is(numerals[atom]) for atom in atoms if atom in numerals}
+        return {atom: answers[atom] for atom in atoms}
+
+    def _said(
+        self, observation: Observation, cameras: tuple[str, ...], questions: Sequence[str], words: Words
+    ) -> list[Answer]:
+        """An answer to each question, whatever happens."""
+        if not questions:
+            return []
         try:
-            answers = self._look(observation, cameras).ask([self.questions.text[atom] for atom in atoms])
-            if len(answers) != len(atoms):
-                raise ValueError(f"{len(answers)} answers to {len(atoms)} questions")
+            answers = self._look(observation, cameras, words).ask(questions)
+            if len(answers) != len(questions):
+                raise ValueError(f"{len(answers)} answers to {len(questions)} questions")
         except MissingError:
             raise
         except Exception as error:
             log.warning("%s: no answers: %s", self.name, error, exc_info=log.isEnabledFor(logging.DEBUG))
-            return dict.fromkeys(atoms, _no_answer(f"{error}" or type(error).__name__))
-        return dict(zip(atoms, answers, strict=True))
+            return [_no_answer(f"{error}" or type(error).__name__) for _ in questions]
+        return answers
 
-    def _look(self, observation: Observation, cameras: tuple[str, ...]) -> Look:
-        """The pictures as the backend took them in, once per observation."""
+    def _look(self, observation: Observation, cameras: tuple[str, ...], words: Words) -> Look:
+        """The pictures as the backend took them in, once per observation and kind of answer."""
         if self._observation is not observation:  # the same one, not one of the same number: runs count from zero
             self._observation = observation
             self._looks.clear()  # the former pictures are let go before the next ones are taken in
-        if cameras not in self._looks:
+        if (cameras, words) not in self._looks:
             images = [observation.images[camera] for camera in cameras]
-            words = AnswerWords(*self.questions.answers)
-            self._looks[cameras] = self.backend.look(images, self.questions.system, words)
-        return self._looks[cameras]
+            if not isinstance(words, Numerals):
+                look = self.backend.look(images, self.questions.system, words)
+            elif isinstance(self.backend, CountingBackend):
+                look = self.backend.look_for_numbers(images, self.questions.number_system, words)
+            else:
+                raise InputError("this backend cannot be asked for numbers")
+            self._looks[cameras, words] = look
+        return self._looks[cameras, words]
 
     def _probability(self, atom: Atom, views: Sequence[View]) -> float | None:
         answers = [view.answer.probability(self.least_mass) for view in views]
@@ -156,7 +184,7 @@ class S3E:
         if not known:
             return None
         probability = fmean(known)
-        if self._calibrate is not None:
+        if self._calibrate is not None and atom not in self.questions.numerals:
             probability = self._calibrate(atom, probability)
         return float(probability) if math.isfinite(probability) and 0.0 <= probability <= 1.0 else None
 

@@ -48,6 +48,9 @@ class Questions:
     `text` maps an atom to one line; `system` is the system prompt, `answers` are the two words that the model chooses
     from, the one for true first. `translator` names what worded the questions, and `warnings` say where that failed and
     what was asked instead. Atoms that are not in `text` are not asked about.
+
+    `numerals` maps the atoms that stand for the values of numeric fluents to these values. They have one question
+    together, for which `number_system` is the system prompt, and whose answer is a number.
     """
 
     text: Mapping[Atom, str]
@@ -55,8 +58,12 @@ class Questions:
     translator: str
     answers: tuple[str, ...] = ("yes", "no")
     warnings: tuple[str, ...] = ()
+    numerals: Mapping[Atom, int] = field(default_factory=dict)
+    number_system: str = ""
 
     def __post_init__(self) -> None:
+        if unasked := self.numerals.keys() - self.text.keys():
+            raise ValueError(f"{min(unasked)} has a value and no question")
         if len(self.answers) != 2 or len({word.lower() for word in self.answers}) != 2:
             raise ValueError(f"expected two different answers, got {self.answers!r}")
         for atom, text in self.text.items():
@@ -64,6 +71,8 @@ class Questions:
                 raise ValueError(f"{atom}: {text!r} is not a line of text")
         ordered = {atom: self.text[atom] for atom in sorted(self.text)}
         object.__setattr__(self, "text", MappingProxyType(ordered))
+        numerals = {atom: self.numerals[atom] for atom in sorted(self.numerals)}
+        object.__setattr__(self, "numerals", MappingProxyType(numerals))
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,8 @@ def read_task(domain: Path, problem: Path, seen: Collection[str] = ()) -> Schema
 
 def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> Task:
     """Read what there is to ask about, for whoever estimates and does not plan: a task with all its atoms, without a
-    goal. Whatever else the files say is passed over, supported or not; numeric fluents are named. Predicates that no
+    goal. Whatever else the files say is passed over, supported or not; numeric fluents are named, and asked about if
+    they are in `seen`. Predicates that no
     action changes are not asked about, but for those in `seen`; where there are no actions, nothing is known to stay.
     What axioms derive is not asked about.
 
@@ -82,6 +83,8 @@ def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> 
     words.declare_functions(source)
     file = PddlFile(problem, "problem", frozenset([":domain", ":requirements", ":objects"]))
     _declare_problem(words, source, file)
+    if counted := words.functions.keys() & frozenset(seen) - {COST}:
+        words.use_numbers(source, counted, 0)
     derived = {form.rest[0].head for form in source.actions if form.head == ":derived" and form.rest}
     actions = [form for form in source.actions if form.head != ":derived"]
     changed = {name for form in actions for name in _changed(form)}
@@ -92,8 +95,17 @@ def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> 
     if len(atoms) > MOST_ATOMS:
         raise _too_many(file, asked)
     parameters = {name: words.parameters[name] for name in asked}
-    numeric = tuple(name for name in words.functions if name != COST)
-    return Task(source.name, file.name, dict(words.objects), atoms, ALWAYS, parameters=parameters, numeric=numeric)
+    numeric = tuple(name for name in words.functions if name != COST and name not in counted)
+    return Task(
+        source.name,
+        file.name,
+        _objects(words),
+        atoms,
+        ALWAYS,
+        parameters=parameters,
+        numeric=numeric,
+        fluents=_numeric(words, atoms),
+    )
 
 
 def _declared(source: PddlFile) -> Words:
@@ -167,14 +179,14 @@ class _Reading:
         task = Task(
             self._domain.name,
             problem.name,
-            {name: kind for name, kind in words.objects.items() if kind != NUMERAL},
+            _objects(words),
             atoms,
             goal,
             frozenset(atom for atom, (value, _) in init.items() if value),
             {name: names for name, names in words.parameters.items() if name not in known},
             static=static,
             derived=rules,
-            fluents=self._numeric(atoms),
+            fluents=_numeric(words, atoms),
         )
         return Schema(
             task,
@@ -220,18 +232,6 @@ class _Reading:
         if words.numbers is not None and name in words.numbers.used:
             literal = words.numbers.literal((name, args), int(value))
             self._said[Atom(literal.predicate, literal.terms)] = Said(True, form.line)
-
-    def _numeric(self, atoms: Sequence[Atom]) -> tuple[Fluent, ...]:
-        """The numeric fluents, each with the atoms of its values."""
-        numbers = self._words.numbers
-        if numbers is None:
-            return ()
-        value = {name: number for number, name in enumerate(numbers.names)}
-        found: dict[tuple[str, Row], list[tuple[int, Atom]]] = {}
-        for atom in atoms:
-            if atom.predicate in numbers.used:
-                found.setdefault((atom.predicate, atom.args[:-1]), []).append((value[atom.args[-1]], atom))
-        return tuple(Fluent(name, args, tuple(sorted(values))) for (name, args), values in found.items())
 
     def _fluents(self, static: frozenset[Atom]) -> tuple[Atom, ...]:
         """The atoms that some action may change and those that somebody looks at, in the order of the files."""
@@ -325,3 +325,21 @@ class _Reading:
 
 def _is_so(part: Formula) -> str:
     return "is not so" if isinstance(part, Literal) and part.positive else "is so"
+
+
+def _numeric(words: Words, atoms: Sequence[Atom]) -> tuple[Fluent, ...]:
+    """The numeric fluents, each with the atoms of its values."""
+    numbers = words.numbers
+    if numbers is None:
+        return ()
+    value = {name: number for number, name in enumerate(numbers.names)}
+    found: dict[tuple[str, Row], list[tuple[int, Atom]]] = {}
+    for atom in atoms:
+        if atom.predicate in numbers.used:
+            found.setdefault((atom.predicate, atom.args[:-1]), []).append((value[atom.args[-1]], atom))
+    return tuple(Fluent(name, args, tuple(sorted(values))) for (name, args), values in found.items())
+
+
+def _objects(words: Words) -> dict[str, str]:
+    """The objects that the files name, without those that stand for numbers."""
+    return {name: kind for name, kind in words.objects.items() if kind != NUMERAL}

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from executive.errors import InputError
-from executive.s3e.backends.interface import AnswerWords
+from executive.s3e.backends.interface import AnswerWords, Numerals
 
 log = logging.getLogger(__name__)
 
@@ -56,6 +56,24 @@ def answer_tokens(tokenizer: Any, words: AnswerWords, vocabulary: int) -> Answer
             )
         found.append(tuple(sorted(tokens)))
     return AnswerTokens(*found)
+
+
+def numeral_tokens(tokenizer: Any, numerals: Numerals, vocabulary: int) -> tuple[tuple[int, ...], ...]:
+    """The tokens that are a surface form of each number, from 0 on.
+
+    A number that is no single token in any form is never the answer. Where another number's token may be its beginning
+    (`1` of `12`), that token tells nothing and is left out.
+
+    Raises:
+        InputError: no number is a token.
+    """
+    forms = numerals.forms()
+    whole = [_whole(tokenizer, each, vocabulary) for each in forms]
+    begun = set[int]().union(*(_begun(tokenizer, f, vocabulary) for f, w in zip(forms, whole, strict=True) if not w))
+    tokens = tuple(tuple(sorted(each - begun)) for each in whole)
+    if not any(tokens):
+        raise InputError(f"no number from 0 to {numerals.most} is a token of this tokenizer by itself")
+    return tokens
 
 
 def _whole(tokenizer: Any, forms: Iterable[str], vocabulary: int) -> set[int]:

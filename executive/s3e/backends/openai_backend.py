@@ -26,13 +26,17 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from executive.errors import InputError
-from executive.s3e.backends.interface import LEAST_MASS, YES_NO, Answer, AnswerWords, rather
+from executive.s3e.backends.interface import LEAST_MASS, YES_NO, Answer, AnswerWords, Numerals, Words, rather
 from executive.s3e.backends.openai_client import ChatServer, Failure, ReplyError, ServerError
 from executive.s3e.questions import prompts
 from executive.s3e.questions.language_model import Reply
 from executive.types import Image
 
 Encoding: TypeAlias = Literal["png", "jpeg"]
+
+LARGEST = 9
+"""The largest number that a server is asked for. A larger one may be several tokens, of which the first is another
+number."""
 
 CHECK = "Is two plus two equal to four? Answer yes or no."
 """What a server is asked before anything else. The answer is known."""
@@ -102,7 +106,7 @@ class ServerBackend:
             return f"{asked}, and says no ({share:.0%}). Its answers about pictures may be worth no more"
         return ""
 
-    def ask(self, conversations: Sequence[Sequence[Mapping[str, Any]]], words: AnswerWords) -> list[Heard | Failure]:
+    def ask(self, conversations: Sequence[Sequence[Mapping[str, Any]]], words: Words) -> list[Heard | Failure]:
         """What is heard after each conversation, in order."""
         heard = self._heard(conversations, words)
         late = [index for index, each in enumerate(heard) if isinstance(each, Heard) and each.begun]
@@ -113,7 +117,7 @@ class ServerBackend:
                 heard[index] = each
         return heard
 
-    def _heard(self, conversations: Sequence[Sequence[Mapping[str, Any]]], words: AnswerWords) -> list[Heard | Failure]:
+    def _heard(self, conversations: Sequence[Sequence[Mapping[str, Any]]], words: Words) -> list[Heard | Failure]:
         wanted = {"max_tokens": self._tokens, "logprobs": True, "top_logprobs": self.top_logprobs}
         requests = [{"messages": messages, **wanted} for messages in conversations]
         return self.server.complete(requests, lambda reply: hear(reply, words))
@@ -124,6 +128,19 @@ class ServerBackend:
         Raises:
             InputError: there is no picture, or one that is not (H, W, 3) uint8 with a pixel in it.
         """
+        return self._look(images, system, words)
+
+    def look_for_numbers(self, images: Sequence[Image], system: str, numerals: Numerals) -> ServerLook:
+        """Encode the pictures as `look` does, to ask for numbers about them.
+
+        Raises:
+            InputError: as `look`; a number has more than one digit.
+        """
+        if numerals.most > LARGEST:
+            raise InputError(f"a server can be asked for numbers up to {LARGEST}: what its tokens are is not known")
+        return self._look(images, system, numerals)
+
+    def _look(self, images: Sequence[Image], system: str, words: Words) -> ServerLook:
         if not images:
             raise InputError("there is no picture to ask about")
         return ServerLook(self, tuple(data_url(image, self.pictures) for image in images), system, words)
@@ -136,7 +153,7 @@ class ServerLook:
     backend: ServerBackend
     pictures: tuple[str, ...]
     system: str
-    words: AnswerWords
+    words: Words
 
     def ask(self, questions: Sequence[str]) -> list[Answer]:
         """One answer per question, in order. What goes wrong with one is its `error`, and no exception."""
@@ -150,7 +167,10 @@ class ServerLook:
         prompt = json.dumps(self._messages(question, numbers), ensure_ascii=False)
         if isinstance(heard, Failure):
             return Answer(prompt, 0.0, 0.0, error=heard.reason)
-        return Answer(prompt, heard.yes, heard.no, said="" if heard.yes + heard.no >= LEAST_MASS else heard.said)
+        said = "" if sum(heard.masses) >= LEAST_MASS else heard.said
+        if isinstance(self.words, Numerals):
+            return Answer(prompt, min(1.0, sum(heard.masses)), 0.0, said=said, masses=heard.masses)
+        return Answer(prompt, heard.yes, heard.no, said=said)
 
     def _messages(self, question: str, pictures: Sequence[str]) -> list[dict[str, Any]]:
         shown: list[dict[str, Any]] = [{"type": "image_url", "image_url": {"url": picture}} for picture in pictures]
@@ -210,18 +230,27 @@ class Heard:
     """The answer in a reply.
 
     Attributes:
-        yes, no: the probability mass on each answer.
+        masses: the probability mass on each answer.
         said: what was said, with the probability of its first token.
         begun: it ends before it has said anything.
     """
 
-    yes: float
-    no: float
+    masses: tuple[float, ...]
     said: str
     begun: bool
 
+    @property
+    def yes(self) -> float:
+        """The mass on the first answer."""
+        return self.masses[0]
 
-def hear(reply: Any, words: AnswerWords) -> Heard:
+    @property
+    def no(self) -> float:
+        """The mass on the second answer."""
+        return self.masses[1]
+
+
+def hear(reply: Any, words: Words) -> Heard:
     """The probability mass that a reply's first token that says anything puts on each answer.
 
     Tokens are compared as text, in every surface form of `words`; different tokens with the same text all count.
@@ -238,7 +267,8 @@ def hear(reply: Any, words: AnswerWords) -> Heard:
             places.append(_place(entry))
     except (LookupError, TypeError, AttributeError, ValueError):
         raise _no_logprobs(reply) from None
-    yes, no, way = 0.0, 0.0, 1.0
+    wanted, way = words.forms(), 1.0
+    masses = (0.0,) * len(wanted)
     for place in places:
         if len(place.listed) == 1 and place.probability < 1.0 - _TOLERANCE:
             raise ReplyError(
@@ -250,12 +280,12 @@ def hear(reply: Any, words: AnswerWords) -> Heard:
             raise ReplyError(f"the probabilities in the reply add up to {total:.3g}")
         here = (
             sum(probability for token, probability in place.listed if token in forms) / max(1.0, total)
-            for forms in words.forms()
+            for forms in wanted
         )
-        yes, no = (mass + way * more for mass, more in zip((yes, no), here, strict=True))
+        masses = tuple(mass + way * more for mass, more in zip(masses, here, strict=True))
         way *= min(1.0, place.probability / max(1.0, total))
     begun = _DRESSING.fullmatch(places[-1].token) is not None
-    return Heard(yes, no, rather(said, places[0].probability), begun)
+    return Heard(masses, rather(said, places[0].probability), begun)
 
 
 def _entries(logprobs: Any) -> list[Any]:

@@ -24,7 +24,7 @@ from threading import Thread
 from typing import Any, TypeAlias
 
 from executive.errors import ExecutiveError
-from executive.s3e.backends.interface import YES_NO, Answer, AnswerWords
+from executive.s3e.backends.interface import YES_NO, Answer, AnswerWords, Numerals, Words
 from executive.types import Image
 
 ENDED = "the process that holds the model has ended (was there enough memory?)"
@@ -60,7 +60,7 @@ class Take:
     model: str
     images: tuple[Image, ...]
     system: str
-    words: AnswerWords
+    words: Words
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +114,18 @@ class SharedBackend:
             InputError: as the model's own `look`.
             HostEndedError: the process is gone.
         """
+        return self._look(images, system, words)
+
+    def look_for_numbers(self, images: Sequence[Image], system: str, numerals: Numerals) -> SharedLook:
+        """Take in pictures as `look` does, to ask for numbers about them.
+
+        Raises:
+            InputError: as the model's own `look_for_numbers`.
+            HostEndedError: the process is gone.
+        """
+        return self._look(images, system, numerals)
+
+    def _look(self, images: Sequence[Image], system: str, words: Words) -> SharedLook:
         look = SharedLook(self._line, next(self._numbers))
         self._line.ask(Take(look.number, self._model, tuple(images), system, words))
         return look

@@ -19,8 +19,8 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from executive.errors import ExecutiveError
-from executive.s3e.backends.interface import Backend, Look
+from executive.errors import ExecutiveError, InputError
+from executive.s3e.backends.interface import Backend, CountingBackend, Look, Numerals
 from executive.s3e.backends.shared_client import Address, Ask, Count, Free, Open, Take
 from executive.s3e.backends.transformers_backend import TransformersBackend
 from executive.util.processes import block_signals, exit_with_parent
@@ -159,7 +159,13 @@ class _Holder:
             case Open(model):
                 return self._opened(model).name
             case Take(number, model, images, system, words):
-                visitor.looks[number] = self._opened(model).look(images, system, words)
+                backend = self._opened(model)
+                if not isinstance(words, Numerals):
+                    visitor.looks[number] = backend.look(images, system, words)
+                elif isinstance(backend, CountingBackend):
+                    visitor.looks[number] = backend.look_for_numbers(images, system, words)
+                else:
+                    raise InputError(f"{backend.name} cannot be asked for numbers")
             case Ask(number, questions):
                 return visitor.looks[number].ask(questions)
         return None

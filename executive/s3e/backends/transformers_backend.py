@@ -15,15 +15,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
 from executive.errors import InputError
-from executive.s3e.backends.answer_tokens import AnswerTokens, answer_tokens
+from executive.s3e.backends.answer_tokens import answer_tokens, numeral_tokens
 from executive.s3e.backends.chat_template import Chat
 from executive.s3e.backends.checkpoint import find
-from executive.s3e.backends.interface import LEAST_MASS, YES_NO, Answer, AnswerWords, rather
+from executive.s3e.backends.interface import LEAST_MASS, YES_NO, Answer, AnswerWords, Numerals, Words, rather
 from executive.s3e.backends.loading import load
 from executive.s3e.backends.prefix_cache import Beginning, Prefix
 from executive.types import Image
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     import torch
 
 Path = Literal["shared", "one by one"]
+
+Tokens: TypeAlias = tuple[tuple[int, ...], ...]
+"""The ids whose probabilities are summed for each answer."""
 
 TOLERANCE = {"float32": 1e-4, "bfloat16": 0.1, "float16": 0.03}
 """How far the shared path may be from asking one by one: half the summed difference of the two next-token
@@ -76,7 +79,7 @@ class TransformersBackend:
         self._model, self._processor = loaded.model, loaded.processor
         self._wanted = path
         self._paths: dict[int, Path] = {}  # number of pictures -> how they are asked about
-        self._tokens: dict[AnswerWords, AnswerTokens] = {}
+        self._tokens: dict[Words, Tokens] = {}
         try:
             self._chat = Chat.with_processor(self._processor)
             self._chat.check()
@@ -98,18 +101,34 @@ class TransformersBackend:
             InputError: there is no picture, or one that the model cannot take; the tokenizer has no token for an
                 answer; or the system prompt holds one of its marks.
         """
+        return self._look(images, system, words)
+
+    def look_for_numbers(self, images: Sequence[Image], system: str, numerals: Numerals) -> TransformersLook:
+        """Take in pictures as `look` does, to ask for numbers about them.
+
+        Raises:
+            InputError: as `look`; no number is a token.
+        """
+        return self._look(images, system, numerals)
+
+    def _look(self, images: Sequence[Image], system: str, words: Words) -> TransformersLook:
         shown = _Shown(self._model, self._chat, self._folder, tuple(_as_pillow(images)), system)
         mark = self._chat.mark_in(system)
         if mark is not None:
             raise InputError(f"the system prompt holds {_own(mark)}")
         tokens = self._answer_tokens(words)
-        return TransformersLook(shown, self._share(shown), tokens)
+        return TransformersLook(shown, self._share(shown), tokens, isinstance(words, Numerals))
 
-    def _answer_tokens(self, words: AnswerWords) -> AnswerTokens:
+    def _answer_tokens(self, words: Words) -> Tokens:
         if words not in self._tokens:
             vocabulary = int(self._model.config.get_text_config(decoder=True).vocab_size)
             try:
-                self._tokens[words] = answer_tokens(self._processor.tokenizer, words, vocabulary)
+                tokenizer = self._processor.tokenizer
+                if isinstance(words, Numerals):
+                    self._tokens[words] = numeral_tokens(tokenizer, words, vocabulary)
+                else:
+                    found = answer_tokens(tokenizer, words, vocabulary)
+                    self._tokens[words] = (found.affirmative, found.negative)
             except InputError as error:
                 raise InputError(error.message, file=self._folder) from None
         return self._tokens[words]
@@ -160,9 +179,9 @@ class TransformersLook:
     """Pictures that a model has taken in (implements `executive.s3e.backends.interface.Look`). What it keeps of them is
     freed with it, or by `close`."""
 
-    def __init__(self, shown: _Shown, prefix: Prefix | None, tokens: AnswerTokens) -> None:
+    def __init__(self, shown: _Shown, prefix: Prefix | None, tokens: Tokens, counts: bool = False) -> None:
         self._shown: _Shown | None = shown
-        self._prefix, self._tokens = prefix, tokens
+        self._prefix, self._tokens, self._counts = prefix, tokens, counts
         self._decode = shown.chat.processor.tokenizer.decode
 
     @property
@@ -224,13 +243,16 @@ class TransformersLook:
         """The masses of both answers: the softmax over the whole vocabulary, summed over each answer's tokens."""
         wide = logits.cpu().double()
         probability = (wide - wide.logsumexp(0)).exp()
-        yes, no = (float(probability[list(ids)].sum()) for ids in (self._tokens.affirmative, self._tokens.negative))
+        masses = tuple(float(probability[list(ids)].sum()) for ids in self._tokens)
+        yes, no = (sum(masses), 0.0) if self._counts else masses
         if not math.isfinite(yes + no):
             return Answer(prompt, 0.0, 0.0, "the model's output is not a number; try dtype float32")
+        numbers = masses if self._counts else ()
         if yes + no >= LEAST_MASS:
-            return Answer(prompt, yes, no)
+            return Answer(prompt, yes, no, masses=numbers)
         likeliest = int(probability.argmax())
-        return Answer(prompt, yes, no, said=rather(self._decode([likeliest]), float(probability[likeliest])))
+        said = rather(self._decode([likeliest]), float(probability[likeliest]))
+        return Answer(prompt, yes, no, said=said, masses=numbers)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,12 @@ The assistant answers with one of three responses: YES or NO.
 The assistant's response should not include any additional text."""
 """Appendix E.2: the system prompt of the vision-language model. "One of three" is what it says there."""
 
+COUNTING = """\
+A curious human is asking an artificial intelligence assistant how many things there are.
+The assistant answers with one whole number in digits.
+The assistant's response should not include any additional text."""
+"""The system prompt of the vision-language model where it is asked for a number (Section 4); the paper prints none."""
+
 NO_TRANSLATION = """\
 The following is a PDDL domain
 {DOMAIN}

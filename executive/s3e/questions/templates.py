@@ -10,6 +10,10 @@ says:
 
     [objects]
     soda-can = "red can of soda"
+
+The template of a numeric fluent has its function's name and asks for a number:
+
+    count = "How many items are in the {crate}?"
 """
 
 from __future__ import annotations
@@ -117,14 +121,21 @@ class Templates:
                 places = "".join(f" {{{name}}} ..." for name in known)
                 self._fail("questions", predicate, f'is missing: write {predicate} = "Is ...{places}?"')
             self._check_placeholders(predicate, known)
-        names, text = self.names(task), {}
+        names, text, numerals = self.names(task), {}, _numerals(task)
         asked: dict[str, Atom] = {}
         for atom in task.atoms:
             text[atom] = self._fill(atom, parameters[atom.predicate], names)
             other = asked.setdefault(text[atom].casefold(), atom)
-            if other != atom:
+            if other != atom and not (atom in numerals and _of_one_fluent(atom, other)):
                 self._fail("questions", atom.predicate, f"{text[atom]!r} would ask for both {other} and {atom}")
-        return Questions(text, prompts.QUESTION_ANSWERING, "templates", warnings=self._warnings(task))
+        return Questions(
+            text,
+            prompts.QUESTION_ANSWERING,
+            "templates",
+            warnings=self._warnings(task),
+            numerals=numerals,
+            number_system=prompts.COUNTING if numerals else "",
+        )
 
     def _fail(self, table: str, name: str, message: str) -> NoReturn:
         raise DomainError(message, file=self.file, key=f"{table}.{name}")
@@ -206,8 +217,12 @@ def generic(task: Task) -> Templates:
     of its own."""
     predicates, objects = _distinct(_parameters(task)), _distinct(task.objects)
     texts = {}
+    functions = {fluent.function for fluent in task.fluents}
     for predicate, known in _parameters(task).items():
         named = " and ".join(f"the {{{index + 1}}}" for index in range(len(known)))
+        if predicate in functions:
+            texts[predicate] = f'What number is "{predicates[predicate]}"{f" of {named}" if named else ""}?'
+            continue
         texts[predicate] = f'Is "{predicates[predicate]}" true{f" of {named}" if named else ""}?'
     return Templates(texts, objects)
 
@@ -238,7 +253,8 @@ def load_instructions(path: str | Path) -> str:
 
 def instruct(questions: Questions, instructions: str) -> Questions:
     """The same questions with instructions appended to their system prompt (Appendix E.3)."""
-    return replace(questions, system=prompts.instructed(questions.system, instructions))
+    number = prompts.instructed(questions.number_system, instructions) if questions.number_system else ""
+    return replace(questions, system=prompts.instructed(questions.system, instructions), number_system=number)
 
 
 def plain(name: str) -> str:
@@ -261,7 +277,18 @@ def _distinct(names: Iterable[str]) -> dict[str, str]:
 def _parameters(task: Task) -> dict[str, tuple[str, ...]]:
     """Each predicate with the names of its parameters; positions where a task does not say them."""
     known = {atom.predicate: tuple(str(index + 1) for index in range(len(atom.args))) for atom in task.atoms}
-    return {**known, **task.parameters}
+    known |= task.parameters
+    functions = {fluent.function for fluent in task.fluents}  # a question for a number does not name it
+    return {name: names[:-1] if name in functions else names for name, names in known.items()}
+
+
+def _numerals(task: Task) -> dict[Atom, int]:
+    """The atoms that stand for values of numeric fluents, with the values."""
+    return {atom: value for fluent in task.fluents for value, atom in fluent.values}
+
+
+def _of_one_fluent(atom: Atom, other: Atom) -> bool:
+    return (atom.predicate, atom.args[:-1]) == (other.predicate, other.args[:-1])
 
 
 def _positions(known: Iterable[str]) -> dict[str, int]:

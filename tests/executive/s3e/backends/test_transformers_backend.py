@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from PIL import Image as Picture
 
 from executive.s3e.backends import prefix_cache
-from executive.s3e.backends.interface import LEAST_MASS, TRUE_FALSE, YES_NO, Answer, Backend, Look
+from executive.s3e.backends.interface import LEAST_MASS, TRUE_FALSE, YES_NO, Answer, Backend, Look, Numerals
 from executive.s3e.backends.transformers_backend import TransformersBackend
 from tests.executive.s3e.checkpoints import FAMILIES, FORGETTING, OTHERS, build
 from tests.executive.s3e.looking import QUESTIONS, SYSTEM, Pick, apart, numbers, pictures
@@ -61,7 +61,7 @@ def test_other_families_answer_as_a_plain_pass_does(
         made = model._processor(text=[answer.prompt], images=[[Picture.fromarray(pictures(1)[0])]], return_tensors="pt")
         with torch.no_grad():
             logits = model._model(**{name: made[name] for name in made if name != "labels"}).logits[0, -1].double()
-        told = [logits.softmax(-1)[list(each)].sum().item() for each in (ids.affirmative, ids.negative)]
+        told = [logits.softmax(-1)[list(each)].sum().item() for each in ids]
         assert (answer.yes_mass, answer.no_mass) == pytest.approx(told, abs=1e-5)
     assert np.ptp([answer.probability() for answer in answers]) > 1e-2
 
@@ -198,3 +198,21 @@ def test_neither_network_nor_torchvision(
     monkeypatch.setattr(socket, "getaddrinfo", refused)
     TransformersBackend(folder).look(pictures(1), SYSTEM).ask(QUESTIONS)
     assert "torchvision" not in sys.modules
+
+
+def test_a_number_has_the_mass_of_its_tokens(backend: Pick) -> None:
+    import torch
+
+    model = backend("fastvlm")
+    numerals = Numerals(9)
+    (answer,) = model.look_for_numbers(pictures(1), SYSTEM, numerals).ask(["How many are there?"])
+    made = model._processor(text=[answer.prompt], images=[[Picture.fromarray(pictures(1)[0])]], return_tensors="pt")
+    with torch.no_grad():
+        logits = model._model(**{name: made[name] for name in made if name != "labels"}).logits[0, -1].double()
+    tokens = model._tokens[numerals]
+    assert answer.masses == pytest.approx([logits.softmax(-1)[list(each)].sum().item() for each in tokens], abs=1e-5)
+    assert answer.yes_mass == pytest.approx(sum(answer.masses))
+    decode = model._processor.tokenizer.decode
+    for each, forms in zip(tokens, numerals.forms(), strict=True):
+        assert {decode([token]) for token in each} <= set(forms)
+    assert any(tokens)
