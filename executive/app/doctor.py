@@ -279,6 +279,8 @@ def extras() -> Finding:
         requirement, note = fitting_torchvision()
         command = f"{sys.executable} -m pip install --force-reinstall --no-deps {requirement}"
         return Finding("extras", State.LIMITED, found + note, command)
+    if "numeric" in names and not lacking["numeric"] and shutil.which("java") is None:
+        return Finding("extras", State.LIMITED, f"{there}; numeric (ENHSP) lacks Java", requirements.JAVA)
     if not absent:
         return Finding("extras", State.OK, there or "none")
     # Any torchvision would be installed, and one of another build than torch does not load.

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 from executive.domain.loader import Domain
-from executive.errors import InputError
+from executive.errors import InputError, MissingError
 from executive.planning.fast_downward import ENGINE, FastDownwardPlanner
 from executive.planning.mutex_groups import find_mutexes
 from executive.planning.unified_planning import UnifiedPlanner
 from executive.protocols import Planner
 from executive.types import Atom, Facts, NoPlan, Plan
+from executive.util.requirements import JAVA
 
 
 def open_planner(
@@ -31,6 +34,8 @@ def open_planner(
         return FastDownwardPlanner(domain.parsed, timeout=timeout, optimal=optimal)
     if optimal:
         raise InputError(f"goes with --planner {ENGINE}; others have an engine of their own for it", key="--optimal")
+    if name.startswith("enhsp") and find_spec("up_enhsp") is not None and shutil.which("java") is None:
+        raise MissingError("ENHSP needs Java, which is not installed", command=JAVA)
     return UnifiedPlanner(domain.parsed, name, timeout=timeout)
 
 

@@ -39,6 +39,9 @@ PACKAGES = {
 EVERYWHERE = ("pydantic", "rerun", "up_fast_downward")
 """Those that a run needs in a world without a simulator, too."""
 
+JAVA = "apt-get install -y default-jre-headless"
+"""Installs Java, which the planner ENHSP runs on (the extra `numeric`)."""
+
 ENGINE = "downward/builds/release/bin/downward"
 """Fast Downward's search, inside the package up_fast_downward."""
 

@@ -164,6 +164,28 @@ def test_an_extra_that_is_not_here_comes_with_its_package(monkeypatch: pytest.Mo
     assert doctor.extras().state is State.OK
 
 
+def test_the_numeric_planner_needs_java(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "_fits", lambda requirement: True)
+    real = doctor._metadata().get_all("Provides-Extra") or []
+    monkeypatch.setattr(doctor, "_metadata", lambda: Metadata([*real, "numeric"]))
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    finding = doctor.extras()
+    assert (finding.state, finding.command) == (State.LIMITED, requirements.JAVA)
+    assert "Java" in finding.found
+    monkeypatch.setattr("shutil.which", lambda name: "/usr/bin/java")
+    assert doctor.extras().state is State.OK
+
+
+class Metadata:
+    """What a distribution says of itself, with these extras."""
+
+    def __init__(self, extras: list[str]) -> None:
+        self._extras = extras
+
+    def get_all(self, name: str) -> list[str]:
+        return self._extras if name == "Provides-Extra" else []
+
+
 def test_a_planner_that_finds_nothing_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     answer = NoPlan(NoPlanReason.CRASHED, "exec format error")
     monkeypatch.setattr(FastDownwardPlanner, "plan", lambda self, state, goal: answer)
