@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence, Set
+from textwrap import wrap
 
 from executive.trace import phrases
 from executive.trace.story.last_look import Change, LookLine
@@ -106,11 +107,21 @@ def look(story: Story) -> str:
     return "\n".join([*lines, "", *(f"- {escaped(note)}" for note in notes)])
 
 
+_ARGUMENT_LINES, _ARGUMENT_WIDTH = 2, 14
+"""Lines and characters that a node of the plan's graph has for a step's arguments."""
+
+
 def step_label(line: StepLine) -> str:
-    """Return a step as a node of the plan's graph."""
+    """Return a step as a node of the plan's graph. There is room for two lines of arguments: where there are more than
+    two, several stand in a line, and what does not fit is left out."""
     note = phrases.note(line.note, line.cut_off)
     tail = f"\n({note})" if note else ""
-    return plain("\n".join((f"{MARKS[line.mark]} {line.step.action}", *line.step.args)) + tail)
+    args: Sequence[str] = line.step.args
+    if len(args) > _ARGUMENT_LINES:
+        args = wrap(
+            " ".join(args), _ARGUMENT_WIDTH, max_lines=_ARGUMENT_LINES, placeholder=" ...", break_on_hyphens=False
+        )
+    return plain("\n".join((f"{MARKS[line.mark]} {line.step.action}", *args)) + tail)
 
 
 def _worth_showing(story: Story, lines: Sequence[AtomLine]) -> list[AtomLine]:

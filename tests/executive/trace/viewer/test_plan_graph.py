@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from executive.trace.story.story import Mark, PlanLine, StepLine, Story
 from executive.trace.viewer.blueprint import GRAPH_HEIGHT, GRAPH_WIDTH
 from executive.trace.viewer.plan_graph import COLUMNS, ROWS, plan_graph, plan_rows
+from executive.trace.viewer.text_panels import step_label
 from executive.types import Plan, Step
 
 STEP = Step.strips("pick", ("lemon",))
@@ -57,3 +58,14 @@ def test_the_step_that_is_next_is_to_be_seen(done: int) -> None:
     labels, _ = graph([*[DONE] * done, Mark.CURRENT, *[PENDING] * (70 - done)])
     assert sum(label.startswith("►") for label in labels) == 1
     assert len(labels) <= ROWS * (COLUMNS + 1)
+
+
+def test_many_arguments_stand_in_two_lines() -> None:
+    def lines(*args: str) -> list[str]:
+        return step_label(StepLine(Step.strips("board", args), PENDING)).split("\n")[1:]
+
+    assert lines("milk-carton", "wood-table") == ["milk-carton", "wood-table"]
+    assert lines("p2", "slow0-0", "n2", "n0", "n1") == ["p2 slow0-0 n2", "n0 n1"]
+    crowded = lines(*(f"block-{number}" for number in range(9)))
+    assert len(crowded) == 2
+    assert crowded[-1].endswith("...")
