@@ -46,7 +46,7 @@ def progress(facts: Facts, step: Step, rules: DerivedRules = NO_RULES) -> Facts:
 def reaches(steps: Sequence[Step], state: Facts, goal: Condition, rules: DerivedRules = NO_RULES) -> bool:
     """Return whether all of `steps` can be carried out in order from `state`, and `goal` holds afterwards. What `state`
     does not mention is unknown, and no step begins where it is unknown whether it can."""
-    kept, reached = _executed(steps, range(len(steps)), state, goal, rules)
+    kept, reached = _executed(steps, range(len(steps)), _relevant(steps, state, goal, rules), goal, rules)
     return reached and len(kept) == len(steps)
 
 
@@ -59,13 +59,14 @@ def remaining(
     from which the plan goes through, then one by one (greedy action elimination, Nakhost and Mueller 2010). None when
     what is left does not reach the goal: then a new plan is called for.
     """
+    here = _relevant(steps, state, goal, rules)
     for start in range(len(steps) + 1):
-        kept, reached = _executed(steps, range(start, len(steps)), state, goal, rules)
+        kept, reached = _executed(steps, range(start, len(steps)), here, goal, rules)
         if reached:
             break
     else:
         return None
-    position, here = 0, dict(state)
+    position = 0
     while position < len(kept):
         fewer, reached = _executed(steps, kept[position + 1 :], here, goal, rules)
         if reached:
@@ -144,6 +145,14 @@ def _decisive(
         if reaches(steps, state.without([*dropped, atom]), goal, rules):
             dropped.append(atom)
     return set(atoms).difference(dropped)
+
+
+def _relevant(
+    steps: Sequence[Step], state: Mapping[Atom, bool], goal: Condition, rules: DerivedRules
+) -> dict[Atom, bool]:
+    """What the state says of the atoms that the steps and the goal are about, or that derived ones of them hang on."""
+    atoms = rules.support(goal.atoms.union(*(step.atoms for step in steps)))
+    return {atom: value for atom in atoms if (value := state.get(atom)) is not None}
 
 
 def _executed(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TypeAlias, TypeVar, overload
 
@@ -25,11 +25,19 @@ class Atom:
 
     predicate: str
     args: tuple[str, ...] = ()
+    _hash: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "_hash", hash((self.predicate, self.args)))  # asked for millions of times in a run
         for name in (self.predicate, *self.args):
             if not re.fullmatch(_NAME, name):
                 raise ValueError(f"{name!r} is not a PDDL name (a letter, then letters, digits, '-' or '_')")
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __reduce__(self) -> tuple[object, ...]:  # another process has other hashes
+        return Atom, (self.predicate, self.args)
 
     @classmethod
     def parse(cls, text: str) -> Atom:
@@ -127,6 +135,9 @@ class Facts(Mapping[Atom, bool]):
         """These facts, overridden by `other`."""
         merged = {**self._truth, **other}
         return Facts._in_order(merged) if len(merged) == len(self._truth) else Facts(merged)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Facts, (dict(self._truth),)
 
     def __repr__(self) -> str:
         return f"Facts({', '.join(self.literals())})"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator, Mapping
 from itertools import product
 
@@ -65,6 +66,13 @@ def test_the_literals_that_decide_tell_the_truth_of_a_condition(condition: Condi
     decisive = condition.decisive(state)
     told = Condition.of(decisive).truth(state)
     assert told is condition.truth(state) or condition == NEVER
+
+
+@given(conditions, partial)
+def test_values_come_back_from_another_process_as_they_were(condition: Condition, facts: Facts) -> None:
+    for value in (condition, facts, P, Step("do", (), condition, (Effect(condition, facts),))):
+        back = pickle.loads(pickle.dumps(value))
+        assert (back, hash(back)) == (value, hash(value))
 
 
 def test_it_prints_as_one_would_write_it() -> None:
