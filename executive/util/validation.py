@@ -8,6 +8,7 @@ from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from executive.errors import nearest
 
@@ -19,18 +20,20 @@ def first_mistake(error: ValidationError, model: type[BaseModel]) -> tuple[tuple
         model: the model that the contents were validated as.
     """
     # A misspelt key is also a missing one.
-    first = min(
-        error.errors(), key=lambda entry: entry["type"] not in ("extra_forbidden", "unexpected_keyword_argument")
-    )
-    kind, path, message = first["type"], _path(first["loc"], model), first["msg"].removeprefix("Value error, ")
-    if kind == "extra_forbidden":
+    first = min(error.errors(), key=lambda entry: entry["type"] != "extra_forbidden")
+    path = _path(first["loc"], model)
+    if first["type"] == "extra_forbidden":
         return path, f"unknown key; {nearest(path[-1], _fields(_at(model, path[:-1]) or model))}"
-    if kind == "missing":
-        return path, "is missing"
-    if kind in ("model_type", "dict_type"):
-        message = "should be a table"
-    should = message.partition("should ")[2]
-    return path, f"should {should}, got {reprlib.repr(first['input'])}" if should else message
+    return path, message_of(first)
+
+
+def message_of(mistake: ErrorDetails) -> str:
+    """Return what is wrong with a value, in one line."""
+    if mistake["type"] == "missing":
+        return "is missing"
+    kind = "should be a table" if mistake["type"] in ("model_type", "dict_type") else mistake["msg"]
+    should = kind.partition("should ")[2]
+    return f"should {should}, got {reprlib.repr(mistake['input'])}" if should else kind.removeprefix("Value error, ")
 
 
 def _path(loc: Sequence[int | str], model: type[BaseModel]) -> tuple[str, ...]:

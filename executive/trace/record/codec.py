@@ -10,15 +10,17 @@ from __future__ import annotations
 import functools
 import math
 import types
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from pydantic_core import SchemaValidator, ValidationError
+from pydantic_core import core_schema as cs
 
 from executive import types as values
-from executive.types import ALWAYS, Atom, Cause, Condition, Effect, Facts, Step
+from executive.types import ALWAYS, Atom, Cause, Condition, Effect, Facts, FloatArray, Step
 from executive.util.files import legible
 
 JsonValue = Any
@@ -81,68 +83,55 @@ def decode(hint: Any, data: JsonValue) -> Any:
     Raises:
         ValueError: when `data` is not what `encode` writes for that type; the message names the field.
     """
-    return _decoder(hint)(data)
-
-
-def _expect(kinds: type | tuple[type, ...], name: str, data: JsonValue) -> Any:
-    if not isinstance(data, kinds) or (isinstance(data, bool) and kinds is not bool):
-        raise ValueError(f"expected {name}, got {str(data)[:60]!r}")
-    return data
-
-
-def _text(data: JsonValue) -> str:
-    text: str = _expect(str, "a text", data)
-    if not text.isascii() and any("\ud800" <= each <= "\udfff" for each in text):
-        raise ValueError("half a character is no text")
-    return text
-
-
-def _whole(data: JsonValue) -> int:
-    number: int = _expect(int, "a whole number", data)
-    if not -(2**63) <= number < 2**63:
-        raise ValueError("a number of more than 64 bits")
-    return number
-
-
-def _number(data: JsonValue) -> float:
-    number = float(data) if data in ("nan", "inf", "-inf") else _expect((int, float), "a number", data)
-    return float(number if isinstance(number, float) else _whole(number))
-
-
-def _array(data: JsonValue) -> np.ndarray[Any, np.dtype[np.float64]]:
-    def numbers(part: JsonValue) -> Any:
-        return [numbers(item) for item in part] if isinstance(part, list) else _number(part)
-
-    return np.array(numbers(_expect(list, "a list of numbers", data)), dtype=np.float64)
-
-
-def _picture(data: JsonValue) -> Any:
-    raise ValueError("a picture is kept in a file of its own")
-
-
-def _items(item: Callable[[JsonValue], Any], build: Callable[[Iterable[Any]], Any], data: JsonValue) -> Any:
-    return build(item(part) for part in _expect(list, "a list", data))
-
-
-def _mapping(key: Callable[[JsonValue], Any], item: Callable[[JsonValue], Any], data: JsonValue) -> Any:
-    return {key(name): item(part) for name, part in _expect(dict, "an object", data).items()}
-
-
-def _object(cls: type, data: JsonValue) -> Any:
-    parts: dict[str, Any] = {}
-    hints = _hints(cls)
-    for field in fields(cls):
-        if field.name in _expect(dict, f"an object ({cls.__name__})", data):
-            try:
-                parts[field.name] = decode(hints[field.name], data[field.name])
-            except ValueError as error:
-                raise ValueError(f"{field.name}: {error}") from None
-        elif field.default is MISSING and field.default_factory is MISSING:
-            raise ValueError(f"{field.name} is missing")
     try:
-        return cls(**parts)
-    except TypeError as error:
+        return _validator(hint).validate_python(data)
+    except ValidationError as error:
+        from executive.util.validation import message_of  # imports pydantic, and records are read without
+
+        first = error.errors(include_url=False)[0]
+        raise ValueError(": ".join((*map(str, first["loc"]), message_of(first)))) from None
+    except TypeError as error:  # of a payload's own checks
         raise ValueError(str(error)) from None
+
+
+@functools.cache
+def _validator(hint: Any) -> SchemaValidator:
+    """Built once a type, because a record is read line by line."""
+    return SchemaValidator(_schema(hint))
+
+
+def _schema(hint: Any) -> cs.CoreSchema:
+    """What pydantic's core is to accept for a type, and to make of it."""
+    if hint in _LEAVES:
+        return _LEAVES[hint]
+    origin, args = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        (inner,) = (arg for arg in args if arg is not type(None))  # only `X | None` is in use
+        return cs.nullable_schema(_schema(inner))
+    if origin in (tuple, frozenset):
+        return cs.no_info_after_validator_function(origin, cs.list_schema(_schema(args[0]), strict=True))
+    if origin is not None and issubclass(origin, Mapping):
+        return cs.dict_schema(_schema(args[0]), _schema(args[1]), strict=True)
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return cs.no_info_after_validator_function(hint, _TEXT)
+    if isinstance(hint, type) and is_dataclass(hint):
+        hints = get_type_hints(hint)
+        return _object(
+            hint,
+            {
+                field.name: (hints[field.name], field.default is MISSING and field.default_factory is MISSING)
+                for field in fields(hint)
+            },
+        )
+    raise TypeError(f"{hint!r} cannot be recorded")
+
+
+def _object(make: Callable[..., Any], parts: Mapping[str, tuple[Any, bool]]) -> cs.CoreSchema:
+    """What is made of an object's parts: each with its type, and whether it has to be there."""
+    known = {name: cs.typed_dict_field(_schema(hint), required=required) for name, (hint, required) in parts.items()}
+    return cs.no_info_after_validator_function(
+        lambda given: make(**given), cs.typed_dict_schema(known, extra_behavior="ignore")
+    )
 
 
 def _written_step(step: Step) -> JsonValue:
@@ -155,72 +144,51 @@ def _written_step(step: Step) -> JsonValue:
     return {**parts, "effects": effects, **({} if step.cost == 1.0 else {"cost": encode(step.cost)})}
 
 
-_STEP: Mapping[str, Callable[[JsonValue], Any]] = {
-    "action": lambda data: _text(data),
-    "args": lambda data: decode(tuple[str, ...], data),
-    "preconditions": lambda data: decode(Condition, data),
-    "effects": lambda data: _read_effects(data),
-    "cost": lambda data: _number(data),
-}
-
-
-def _read_step(data: JsonValue) -> Step:
-    parts: dict[str, Any] = {"cost": 1.0, **_expect(dict, "an object (Step)", data)}
-    read = []
-    for name, decoder in _STEP.items():
-        if name not in parts:
-            raise ValueError(f"{name} is missing")
-        try:
-            read.append(decoder(parts[name]))
-        except ValueError as error:
-            raise ValueError(f"{name}: {error}") from None
-    return Step(*read)
-
-
-def _read_effects(data: JsonValue) -> tuple[Effect, ...]:
-    listed = _expect(list, "a list", data)
+def _read_effects(listed: list[JsonValue]) -> tuple[Effect, ...]:
     plain = decode(Facts, [each for each in listed if not isinstance(each, dict)])
     conditional = (each for each in listed if isinstance(each, dict))
     effects = [Effect(decode(Condition, each.get("when")), decode(Facts, each.get("then"))) for each in conditional]
     return (*((Effect(ALWAYS, plain),) if plain else ()), *effects)
 
 
-@functools.cache
-def _hints(cls: type) -> dict[str, Any]:
-    return get_type_hints(cls)
+def _array(data: list[JsonValue]) -> FloatArray:
+    if any(isinstance(each, list) for each in data):
+        return np.array([_array(decode(list, each)) for each in data], dtype=np.float64)
+    return np.array(decode(tuple[float, ...], data), dtype=np.float64)
 
 
-_LEAVES: Mapping[Any, Callable[[JsonValue], Any]] = {
-    Any: lambda data: data,
-    str: _text,
-    bool: functools.partial(_expect, bool, "true or false"),
-    int: _whole,
-    float: _number,
-    Atom: lambda data: Atom.parse(_expect(str, "an atom", data)),
-    Facts: lambda data: Facts.parse(*(_expect(str, "a literal", item) for item in _expect(list, "a list", data))),
-    Condition: lambda data: Condition.parse(*map(_text, _expect(list, "a list", data))),
-    Step: _read_step,
-    values.FloatArray: _array,
-    values.Image: _picture,
-    values.DepthImage: _picture,
+def _no_picture(data: JsonValue) -> Any:
+    raise ValueError("a picture is kept in a file of its own")
+
+
+_TEXT = cs.str_schema(strict=True, min_length=0)  # with a length, half a character is no text
+_LIST = cs.list_schema(strict=True)
+_LEAVES: dict[Any, cs.CoreSchema] = {
+    Any: cs.any_schema(),
+    list: _LIST,
+    str: _TEXT,
+    bool: cs.bool_schema(strict=True),
+    int: cs.int_schema(strict=True, ge=-(2**63), lt=2**63),
+    float: cs.no_info_before_validator_function(
+        lambda data: float(data) if data in ("nan", "inf", "-inf") else data, cs.float_schema(strict=True)
+    ),
+    Atom: cs.no_info_after_validator_function(Atom.parse, _TEXT),
+    Facts: cs.no_info_after_validator_function(lambda listed: Facts.parse(*listed), cs.list_schema(_TEXT, strict=True)),
+    Condition: cs.no_info_after_validator_function(
+        lambda listed: Condition.parse(*listed), cs.list_schema(_TEXT, strict=True)
+    ),
+    FloatArray: cs.no_info_after_validator_function(_array, _LIST),
+    values.Image: cs.no_info_plain_validator_function(_no_picture),
+    values.DepthImage: cs.no_info_plain_validator_function(_no_picture),
+    tuple[Effect, ...]: cs.no_info_after_validator_function(_read_effects, _LIST),
 }
-
-
-@functools.cache
-def _decoder(hint: Any) -> Callable[[JsonValue], Any]:
-    """Built once a type, because a record is read line by line."""
-    if hint in _LEAVES:
-        return _LEAVES[hint]
-    origin, args = get_origin(hint), get_args(hint)
-    if origin in (Union, types.UnionType):
-        (inner,) = (arg for arg in args if arg is not type(None))  # only `X | None` is in use
-        return lambda data: None if data is None else decode(inner, data)
-    if origin in (tuple, frozenset):
-        return functools.partial(_items, _decoder(args[0]), origin)
-    if origin is not None and issubclass(origin, Mapping):
-        return functools.partial(_mapping, _decoder(args[0]), _decoder(args[1]))
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        return hint
-    if isinstance(hint, type) and is_dataclass(hint):
-        return functools.partial(_object, hint)
-    raise TypeError(f"{hint!r} cannot be recorded")
+_LEAVES[Step] = _object(
+    lambda preconditions, cost=1.0, **parts: Step(precondition=preconditions, cost=cost, **parts),
+    {
+        "action": (str, True),
+        "args": (tuple[str, ...], True),
+        "preconditions": (Condition, True),
+        "effects": (tuple[Effect, ...], True),
+        "cost": (float, False),
+    },
+)

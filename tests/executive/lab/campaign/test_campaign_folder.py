@@ -200,7 +200,7 @@ def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "told"),
-    [("", "is not JSON"), ("[]", "is damaged: "), ('{"format": 2}', "format: is damaged: Input should be 1")],
+    [("", "is not JSON"), ("[]", "is damaged: "), ('{"format": 2}', "format: is damaged: should be 1, got 2")],
 )
 def test_a_damaged_manifest_is_one_line(tmp_path: Path, text: str, told: str) -> None:
     with pytest.raises(InputError, match="holds no campaign"):

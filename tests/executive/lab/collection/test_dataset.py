@@ -155,7 +155,7 @@ def test_what_is_not_finished_is_not_read(tmp_path: Path) -> None:
         ("{", "is not JSON"),
         ("[]", "is of format None"),
         ('{"format": 99}', "is of format 99"),
-        (f'{{"format": {dataset.FORMAT}}}', "collection is missing"),
+        (f'{{"format": {dataset.FORMAT}}}', "collection: is missing"),
     ],
 )
 def test_a_manifest_that_is_none_is_named(tmp_path: Path, text: str | None, message: str) -> None:
