@@ -1,4 +1,4 @@
-"""Whole states from the answers of a first look, in three ways: each answer at its word, the most probable state that
+"""Whole states from the answers of a first look, in three ways: each answer thresholded, the most probable state that
 the mutex groups allow, and the most probable one of all states that the actions can lead to.
 
 How often a model errs is counted on its looks at other problems than the one at hand: for each predicate, and for each
@@ -27,7 +27,7 @@ class Decoded(NamedTuple):
     """One first look: whether the whole state is right in each way, and the marginals of the last with the truth."""
 
     run: Run
-    at_word: bool
+    thresholded: bool
     groups: bool
     legal: bool
     marginals: tuple[tuple[float, bool], ...]
@@ -120,7 +120,7 @@ def figures(decoded: Sequence[Decoded]) -> dict[str, Any]:
     brier = float(np.mean([(probability - truth) ** 2 for probability, truth in pairs])) if pairs else math.nan
     return {
         "states": len(decoded),
-        "at_word": sum(each.at_word for each in decoded),
+        "thresholded": sum(each.thresholded for each in decoded),
         "groups": sum(each.groups for each in decoded),
         "legal": sum(each.legal for each in decoded),
         "brier": brier,
@@ -139,9 +139,11 @@ def table(decoded: Sequence[Decoded]) -> list[dict[str, Any]]:
 def printed(decoded: Sequence[Decoded]) -> str:
     """Return the table as text, the sum of all last."""
     rows: list[Mapping[str, Any]] = [*table(decoded), {"model": "all", "split": "", **figures(decoded)}]
-    lines = [f"{'model':<36}{'split':<8}{'states':>7}{'at word':>9}{'groups':>8}{'legal':>7}{'Brier':>8}{'ECE':>8}"]
+    lines = [
+        f"{'model':<36}{'split':<8}{'states':>7}{'thresholded':>12}{'groups':>8}{'legal':>7}{'Brier':>8}{'ECE':>8}"
+    ]
     lines += [
-        f"{row['model']:<36}{row['split']:<8}{row['states']:>7}{row['at_word']:>9}{row['groups']:>8}{row['legal']:>7}"
+        f"{row['model']:<36}{row['split']:<8}{row['states']:>7}{row['thresholded']:>12}{row['groups']:>8}{row['legal']:>7}"
         f"{row['brier']:>8.4f}{row['ece']:>8.4f}"
         for row in rows
     ]

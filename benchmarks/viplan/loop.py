@@ -4,7 +4,7 @@ It is simulated: a model's answers are drawn from what it said at other problems
 has changed is answered as before as often as it was in the records.
 
 The sensor model is fitted on the looks at half of the problems, and answers are drawn from the looks at the other half,
-without those at the problem at hand. The plain threshold acts on each answer at its word, as in the published runs."""
+without those at the problem at hand. The plain threshold acts on each answer by itself, as in the published runs."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class DrawnAnswers:
 
 class ListedPlanner:
     """The shortest plan, by search backwards from the goal among listed states: those that the problem's initial state
-    leads to, or else those that the state to plan from leads to, as where each answer was taken at its word."""
+    leads to, or else those that the state to plan from leads to, as where each answer was thresholded."""
 
     def __init__(self, schema: Schema, space: StateSpace) -> None:
         self._schema, self._space = schema, space

@@ -83,8 +83,8 @@ def test_whole_states_are_decoded_from_the_pddl_alone(files: tuple[Path, Path]) 
     decoded = list(decoding.decode(runs, tasks))
     figures = decoding.figures(decoded)
     assert figures["states"] == len(PLACED) * 3
-    assert figures["at_word"] < figures["legal"] >= 11
-    assert figures["at_word"] <= figures["groups"] <= figures["legal"]
+    assert figures["thresholded"] < figures["legal"] >= 11
+    assert figures["thresholded"] <= figures["groups"] <= figures["legal"]
     assert 0.0 <= figures["brier"] < 0.05
     (row,) = decoding.table(decoded)
     assert row["split"] == "easy"
@@ -132,7 +132,7 @@ def test_it_is_one_command(
     assert viplan.main() == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document) == {"decoded", "loop", "household"}
-    assert document["decoded"].keys() >= {"states", "at_word", "groups", "legal"}
+    assert document["decoded"].keys() >= {"states", "thresholded", "groups", "legal"}
 
 
 @pytest.mark.parametrize("content", [b"plain", gzip.compress(b'{"model": 1}'), gzip.compress(b"")])
