@@ -26,6 +26,7 @@ class Report:
         actions: the grounded actions that can become possible; None where that was not found out in time.
         groups: the mutex groups.
         seconds: the wall time that it took.
+        unreachable: why no state can reach the goal, where that is plain from what never changes.
     """
 
     domain: str
@@ -38,6 +39,7 @@ class Report:
     actions: int | None
     groups: int
     seconds: float
+    unreachable: str | None = None
 
 
 def check(where: str, problem: str | None = None, seconds: float = 30.0) -> Report:
@@ -57,11 +59,11 @@ def check(where: str, problem: str | None = None, seconds: float = 30.0) -> Repo
 
         checked_stage(domain)
     mutexes = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
-    task = domain.task
+    task, schema = domain.task, domain.parsed
     return Report(
         domain=task.name,
         problem=task.problem,
-        features=tuple(sorted(domain.parsed.features)),
+        features=tuple(sorted(schema.features)),
         objects=dict(sorted(Counter(task.objects.values()).items())),
         fluents=len(task.atoms),
         statics=_statics(domain),
@@ -69,6 +71,7 @@ def check(where: str, problem: str | None = None, seconds: float = 30.0) -> Repo
         actions=mutexes.actions,
         groups=len(mutexes.groups),
         seconds=time.monotonic() - began,
+        unreachable=None if schema.unreachable is None else "line {}: {}".format(*schema.unreachable),
     )
 
 

@@ -57,5 +57,6 @@ def _told(report: Report) -> str:
         "static atoms": f"{report.statics:,}, of which {report.true_statics:,} are true",
         "actions": actions,
         "mutex groups": f"{report.groups:,}",
+        **({"unsolvable": report.unreachable} if report.unreachable else {}),
     }
     return "\n".join(f"{name:<14}{value}" for name, value in rows.items())

@@ -137,6 +137,9 @@ def load_domain(
     scene = source.file(manifest.world.scene, "world.scene")
     outcomes = None if manifest.outcomes is None else source.file(manifest.outcomes, "outcomes")
     parsed = read_task(domain_file, problem_file, _looked_at(manifest, questions))
+    if parsed.unreachable:  # in a folder that is made for a robot this is a slip of the pen
+        line, reason = parsed.unreachable
+        raise DomainError(reason, file=problem_file, key=f"line {line}")
     skill_of = {name: table.skill for name, table in manifest.actions.items()}
     relation_of = {name: table.relation for name, table in manifest.predicates.items()}
     source.check("actions", "skill", parsed.actions, skill_of, skills)

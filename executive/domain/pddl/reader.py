@@ -12,7 +12,7 @@ from executive.domain.pddl.forms import Form, PddlFile, shorten
 from executive.domain.pddl.formulas import Axiom, Formula, Literal, conjuncts
 from executive.domain.pddl.grounding import Grounding, Row
 from executive.domain.pddl.numbers import COST, NUMERAL, survey
-from executive.domain.pddl.schema import Action, Said, Schema
+from executive.domain.pddl.schema import Action, Said, Schema, Unreachable
 from executive.domain.pddl.words import Words, number
 from executive.errors import DomainError
 from executive.types import ALWAYS, NEVER, Atom, Condition, DerivedRules, Fluent, Task
@@ -162,6 +162,7 @@ class _Reading:
         self._static = frozenset(words.predicates.keys() - changed - seen - self._derived)
         self._said: dict[Atom, Said] = {}
         self._values: dict[tuple[str, Row], float] = {}
+        self._unreachable: Unreachable | None = None
 
     def schema(self) -> Schema:
         words, problem = self._words, self._problem
@@ -200,6 +201,7 @@ class _Reading:
             self._axioms,
             self._values,
             self._has_costs(),
+            self._unreachable,
         )
 
     def _read_init(self) -> None:
@@ -301,12 +303,12 @@ class _Reading:
             if condition == NEVER:
                 told = Atom(part.predicate, part.terms) if isinstance(part, Literal) else None
                 what = "a condition of it can never hold" if told is None else f"{told} {_is_so(part)} by :init"
-                problem.fail(goal.line, f":goal: {what}, and no action changes that")
+                self._unreachable = Unreachable(goal.line, f":goal: {what}, and no action changes that")
             order.update(dict.fromkeys(sorted(condition.atoms)))
             parts.append(condition)
         wanted = Condition.all_of(parts)
-        if wanted == NEVER:
-            problem.fail(goal.line, ":goal asks for something and for its opposite")
+        if wanted == NEVER and self._unreachable is None:
+            self._unreachable = Unreachable(goal.line, ":goal asks for something and for its opposite")
         return wanted, formula, tuple(atom for atom in order if atom in wanted.atoms)
 
     def _has_costs(self) -> bool:

@@ -36,6 +36,13 @@ class Said(NamedTuple):
     line: int
 
 
+class Unreachable(NamedTuple):
+    """Why a goal can be reached from no state at all, and on which line of the problem file it stands."""
+
+    line: int
+    reason: str
+
+
 @dataclass(frozen=True, eq=False)
 class Schema:
     """Everything that a planner needs, read once: the task, and its actions and goal as the files have them.
@@ -44,6 +51,7 @@ class Schema:
     problem file names them, and `goal` is the goal as it stands there. `static` are the predicates that are what
     `:init` says, `derived` those that axioms define, and `init` is all that `:init` says of fluent atoms. `values` are
     those of static functions, for costs. `has_costs`: the sum of costs is minimised, and not the number of steps.
+    `unreachable` says of a goal that no state can reach why that is so.
     """
 
     task: Task
@@ -57,6 +65,7 @@ class Schema:
     axioms: tuple[Axiom, ...] = ()
     values: Mapping[tuple[str, tuple[str, ...]], float] = field(default_factory=lambda: MappingProxyType({}))
     has_costs: bool = False
+    unreachable: Unreachable | None = None
 
     @cached_property
     def features(self) -> frozenset[str]:

@@ -50,3 +50,16 @@ def test_what_is_refused_is_said_with_its_line(tmp_path: Path, capsys: pytest.Ca
     assert (told["accepted"], told["line"], told["fluents"]) == (False, 5, None)
     assert "nowhere" in told["refused_because"]
     assert err.count("\n") == 1
+
+
+def test_a_goal_that_nothing_can_make_true_is_unsolvable_in_files_and_refused_in_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    domain, problem = write(tmp_path)
+    text = problem.read_text()
+    problem.write_text(text.replace("(:goal (and ", "(:goal (and (road a c) "))
+    assert problem.read_text() != text
+    assert cli.exit_code(["check", str(domain), str(problem), "--json"]) == 0
+    assert "road(a,c)" in json.loads(capsys.readouterr().out)["unreachable"]
+    assert cli.exit_code(["plan", str(domain), str(problem), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["status"] == "unsolvable"

@@ -8,7 +8,7 @@ import pytest
 
 from executive.domain.pddl import MOST_ATOMS, Schema, read_task
 from executive.errors import DomainError
-from executive.types import Facts
+from executive.types import NEVER, Facts
 
 DOMAIN = """(define (domain grocery)
   (:requirements :strips :typing)
@@ -130,7 +130,6 @@ IN_PROBLEM = {
     "wrong type": ("(on-table bread wood-table)", "(on-table wood-table bread)", 7, "is of type table, expected item"),
     "a variable": ("(on-table bread wood-table)", "(on-table ?x wood-table)", 7, "unknown variable ?x"),
     "no goal": (f"(:goal {GOAL})", "", 1, "expected (:goal <condition>)"),
-    "contradiction": ("(on-table bread wood-table)", "(not (on-table lemon wood-table))", 6, "and for its opposite"),
     "= of one": ("(on-table bread wood-table)", "(= bread)", 7, "= compares two objects"),
     "a number in :init": ("(:init ", "(:init (= (weight lemon) 3) ", 5, "expected (= (<function> <objects>) <number>)"),
     "a fact at a time": ("(:init ", "(:init (at 5 (robot-gripper-empty)) ", 5, "facts that come about at a time"),
@@ -209,3 +208,12 @@ def test_case_order_of_sections_and_missing_parts_do_not_matter(tmp_path: Path) 
     schema = read(tmp_path, bare, untyped)
     assert schema.task.objects == {"lemon": "object"}
     assert schema.ground("f", ()).precondition.facts == Facts()
+
+
+def test_a_goal_that_no_state_reaches_is_read_and_the_reason_kept(tmp_path: Path) -> None:
+    line = PROBLEM[: PROBLEM.index("(:goal")].count("\n") + 1
+    schema = read(tmp_path, DOMAIN, PROBLEM.replace("(on-table bread wood-table)", "(not (on-table lemon wood-table))"))
+    assert schema.unreachable is not None
+    assert schema.unreachable.line == line
+    assert schema.task.goal == NEVER
+    assert read(tmp_path, DOMAIN, PROBLEM).unreachable is None
