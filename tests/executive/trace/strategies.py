@@ -22,6 +22,7 @@ from executive.types import (
     Contradiction,
     Decision,
     DecisionKind,
+    DerivedRules,
     Dispatched,
     Effect,
     Ended,
@@ -98,11 +99,13 @@ def numbers(*shape: int) -> st.SearchStrategy[np.ndarray[Any, np.dtype[np.float6
 @st.composite
 def tasks(draw: st.DrawFn) -> Task:
     universe = draw(st.lists(atoms, unique=True, max_size=6))
-    goal = Condition.of({atom: draw(st.booleans()) for atom in universe[:2]})
+    parts = [Condition.literal(atom, draw(st.booleans())) for atom in universe[:2]]
+    goal = draw(st.sampled_from([Condition.all_of(parts), Condition.any_of(parts) if parts else ALWAYS]))
+    rules = DerivedRules({Atom("derived", atom.args): Condition.literal(atom, False) for atom in universe[4:]})
     objects = draw(st.dictionaries(names, names, max_size=4))
     parameters = draw(st.dictionaries(names, st.lists(names, max_size=2).map(tuple), max_size=2))
     declared, numeric = frozenset(universe[2:4]), tuple(draw(st.lists(names, max_size=2)))
-    return Task(draw(names), draw(names), objects, tuple(universe), goal, declared, parameters, numeric)
+    return Task(draw(names), draw(names), objects, tuple(universe), goal, declared, parameters, numeric, derived=rules)
 
 
 @st.composite
