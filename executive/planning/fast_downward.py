@@ -77,6 +77,9 @@ _WITH_COSTS = {name: f"eval_modify_costs({text}, cost_type=plusone)" for name, t
 _FEW = 100
 """Grounded actions up to which the search for the shortest plan is as quick as any."""
 
+_MANY = 5_000
+"""Grounded actions up to which LM-cut is asked at all."""
+
 _NEAR = 2.0
 """A plan that may be dearer than the best one by so much at most is worth a search for the best one."""
 
@@ -224,13 +227,13 @@ class _Question:
         first = self._search(_GREEDY, 0.2)
         if not isinstance(first, NoPlan):
             return self._bettered(first, best)
-        found = self._search(_LAMA, 0.8) if _failed(first) else first
+        found = self._search(_LAMA, 0.8 if self._axioms else 1.0) if _failed(first) else first
         return self._search(_BLIND) if self._axioms and _failed(found) else found
 
     def _bettered(self, first: _Found, best: _Search) -> _Found:
         """The first plan, or a cheaper one that is found with little effort."""
         cost, others = _cost(first), []
-        if best is _LMCUT:
+        if best is _LMCUT and len(self._task) <= _MANY:
             least = self._least()
             if cost <= least:
                 return first
@@ -265,7 +268,7 @@ class _Question:
     def _least(self) -> float:
         """What every plan costs at least, by LM-cut in the first state; 0 where that is not told in time."""
         left = self._until - time.perf_counter()
-        said = self._file.search(_LEAST, max(0.0, left)).ended.said
+        said = self._file.search(_LEAST, max(0.0, left / 4)).ended.said
         return (_number(r"Initial heuristic value for lmcut\S*: (\d+)", said) or 0) / self._task.scale
 
 
