@@ -226,6 +226,7 @@ class RunConfig:
     max_looks_again: Annotated[int | None, Option("Looks again at uncertain atoms, in a row.", least=0)] = None
     max_questions: Annotated[int | None, Option("Atoms that a look may ask about.", least=1)] = None
     guard: Annotated[bool, Option("Look at what is carried while it is carried.")] = True
+    planner: Annotated[str, Option("fast-downward, or any planner that unified-planning has here.")] = "fast-downward"
     runs: Annotated[Path, Option("Where the run's folder is made.")] = Path("runs")
     name: Annotated[str | None, Option("The name of the run's folder.")] = None
     viewer: Annotated[bool, Option("Write trace.rrd, too.", flag="--trace-viewer")] = True

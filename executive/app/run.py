@@ -13,6 +13,7 @@ from executive.app.assembly import make_executive
 from executive.app.config import CONFIG, EstimatorConfig, RunConfig, check_folder, make_folder, read_config
 from executive.app.estimators import open_estimator, with_default_model
 from executive.app.monitors import open_monitor
+from executive.app.planners import open_planner
 from executive.app.resume import PastRun
 from executive.app.worlds import make_setting, oracle_sensor_model
 from executive.core.loop import Executive
@@ -28,7 +29,6 @@ from executive.faults import (
     faulty_skills,
     faulty_world,
 )
-from executive.planning.fast_downward import FastDownwardPlanner
 from executive.planning.feasible import FeasiblePlanner
 from executive.protocols import Planner, Preparing, Recalling, Sink
 from executive.trace.record import monitor_file
@@ -83,7 +83,7 @@ class Run:
         setting = make_setting(self.domain, config)
         if self._past is not None:
             self._past.check(self.domain.task)
-        planner = FastDownwardPlanner(self.domain.parsed)
+        planner = open_planner(self.domain, config.planner)
         planner.warm_up()  # in the background
         estimator_config = None
         if config.estimator == "vlm":
@@ -140,7 +140,7 @@ class Run:
 
     def _assemble(
         self,
-        planner: FastDownwardPlanner,
+        planner: Planner,
         injected: Sequence[Fault],
         vlm: S3E | None,
         sinks: Sequence[Sink],
