@@ -63,6 +63,14 @@ class MissingError(ExecutiveError):
         return partial(MissingError, command=self.command), (self.message,)
 
 
+def unregistered(what: str, word: str, known: Iterable[str]) -> str:
+    """Say that no skill or relation is registered under a word, and which ones are. A word that resembles none of them
+    may be that of an entry point which stands in a pyproject.toml, and not among what is installed yet."""
+    hint = nearest(word, known)
+    added = "" if hint.startswith("did you mean") else "; a new entry point counts once its package is installed again"
+    return f"no {what} {word!r} is registered; {hint}{added}"
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """The tail of an error message that lists the valid names and, when one is close, asks whether it was meant."""
     names = sorted(valid)

@@ -17,7 +17,7 @@ from typing import Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from executive.errors import DomainError, nearest
+from executive.errors import DomainError, nearest, unregistered
 from executive.util.files import LARGEST, LARGEST_TOML, caseless, parse_toml, read_text, reason
 from executive.util.validation import first_mistake
 
@@ -147,7 +147,7 @@ class Source:
         nearer = caseless(said.closer, self.path, "looking.closer", mistake=DomainError)
         for name in said.moves:
             if name not in skills:
-                self.fail(("looking", "moves"), f"no skill {name!r} is registered; {nearest(name, skills)}")
+                self.fail(("looking", "moves"), unregistered("skill", name, skills))
         for name in nearer:
             if name not in (known := {*predicates, *objects}):
                 message = f"there is no predicate and no object {name!r}; {nearest(name, known)}"
@@ -213,7 +213,7 @@ class Source:
                 self.fail((table, name), f"there is no {what} {name!r} in the PDDL; {nearest(name, declared)}")
             word = word.partition("(")[0].strip()
             if word not in known:
-                self.fail((table, name, key), f"no {key} {word!r} is registered; {nearest(word, known)}")
+                self.fail((table, name, key), unregistered(key, word, known))
         for name in declared:
             if name not in given and name not in needless:
                 self.fail((table, name), f"is missing: name the {key} of this {what}; {nearest(name, known)}")

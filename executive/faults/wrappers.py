@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from executive.faults.grammar import Fault
-from executive.faults.image_noise import spoiled
+from executive.faults.image_noise import SPOILED, spoiled
 from executive.faults.injector import FaultInjector
 from executive.protocols import Asking, Estimator, Planner, Skill, SkillContext, World
 from executive.types import (
@@ -131,9 +131,13 @@ class _World:
                 return _shifted(image, *by), None if depth is None else _shifted(depth, *by)
             case way if way == NO_DEPTH:
                 return image, None
-            case way:
+            case way if way in SPOILED:
                 chance = self._faults.drawn(place, zlib.crc32(camera.encode()))
                 return spoiled(image, way, fault.amount, chance), depth
+            case way:
+                raise NotImplementedError(
+                    f"the catalogue has camera faults of the way {way!r}, and nothing here does them"
+                )
 
 
 def _shifted(image: Pixels, down: int, right: int) -> Pixels:

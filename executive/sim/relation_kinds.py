@@ -13,7 +13,7 @@ from inspect import signature
 from itertools import permutations
 from pathlib import Path
 
-from executive.errors import DomainError, nearest
+from executive.errors import DomainError, nearest, unregistered
 from executive.sim.spec import SceneSpec
 from executive.types import Atom, Task
 
@@ -71,7 +71,7 @@ def read_relation_kinds(
         key = f"predicates.{predicate}.relation"
         name, bracket, rest = text.partition("(")
         if name not in known:
-            raise DomainError(f"no relation {name!r} is registered; {nearest(name, known)}", file=file, key=key)
+            raise DomainError(unregistered("relation", name, known), file=file, key=key)
         own = [f"?{each}" for each in parameters.get(predicate, ())]
         words = [word.strip() for word in rest.removesuffix(")").split(",") if word.strip()]
         terms = tuple(own.index(word) if word in own else word for word in words) if bracket else None

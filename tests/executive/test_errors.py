@@ -7,7 +7,7 @@ import pickle
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from executive.errors import LONGEST, DomainError, ExecutiveError, InputError, MissingError, nearest
+from executive.errors import LONGEST, DomainError, ExecutiveError, InputError, MissingError, nearest, unregistered
 
 texts = st.text(max_size=30)
 
@@ -47,3 +47,12 @@ def test_between_processes_they_stay_what_they_are(message: str, more: str) -> N
 def test_the_nearest_name_is_proposed_and_all_are_listed() -> None:
     assert nearest("lemmon", ["milk", "lemon"]) == "did you mean 'lemon'? valid: lemon, milk"
     assert nearest("x", []) == "valid: none"
+
+
+def test_a_word_that_resembles_none_may_be_of_an_entry_point_that_is_not_installed_yet() -> None:
+    known = ["on", "gripping"]
+    assert "installed again" in unregistered("relation", "upright", known)
+    assert "on" in unregistered("relation", "upright", known)
+    typo = unregistered("relation", "griping", known)
+    assert "'gripping'" in typo
+    assert "installed again" not in typo
