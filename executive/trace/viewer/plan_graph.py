@@ -15,7 +15,9 @@ from executive.trace.viewer.colours import COLOUR_OF, DIM, WHITE, Colour
 from executive.trace.viewer.text_panels import plain, step_label
 
 ROWS, COLUMNS = 3, 10
-"""How much is shown at once: rows, and steps in each."""
+"""How much is shown at once: rows, and steps in each; fewer where their names are long."""
+LETTER, FRAME = 7.0, 10.0
+"""How wide a letter and a node's frame are, in the panel's units."""
 MARGIN = 46.0
 """From the edge to the middle of a row's first and last node, in the panel's units."""
 
@@ -70,15 +72,18 @@ def _rows(plan: PlanLine, is_current: bool, room: int) -> Sequence[Row]:
     lines = plan.lines
     if not is_current:
         lines = lines[: 1 + max((at for at, line in enumerate(lines) if line.mark is not Mark.DROPPED), default=-1)]
+    labels = [step_label(line) for line in lines]
+    longest = max((len(text) for label in labels for text in label.split("\n")[:3]), default=1)
+    columns = max(1, min(COLUMNS, int((GRAPH_WIDTH - 2 * MARGIN) / (LETTER * longest + FRAME))))
     rows = []
-    for first in range(0, max(1, len(lines)), COLUMNS):
-        row, last = Row(), min(first + COLUMNS, len(lines))
-        some = f"\n{first + 1} to {last}" if len(lines) > COLUMNS else ""
+    for first in range(0, max(1, len(lines)), columns):
+        row, last = Row(), min(first + columns, len(lines))
+        some = f"\n{first + 1} to {last}" if len(lines) > columns else ""
         row.add(
             f"plan {plan.number}.{first}", f"plan {plan.number}\n{phrases.plural(len(plan.lines), 'step')}{some}", WHITE
         )
         for at, line in enumerate(lines[first:last], start=first):
-            row.add(f"{plan.number}.{at}", step_label(line), COLOUR_OF[line.mark])
+            row.add(f"{plan.number}.{at}", labels[at], COLOUR_OF[line.mark])
         rows.append(row)
     left = len(plan.lines) - len(lines)
     if left:
@@ -86,5 +91,5 @@ def _rows(plan: PlanLine, is_current: bool, room: int) -> Sequence[Row]:
     if not is_current:
         return rows[-room:]
     settled = sum(line.mark in (Mark.DONE, Mark.SKIPPED) for line in lines)
-    first = max(0, min(settled // COLUMNS - 1, len(rows) - room))
+    first = max(0, min(settled // columns - 1, len(rows) - room))
     return rows[first : first + room]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.trace.story.story import Mark, PlanLine, StepLine, Story
 from executive.trace.viewer.blueprint import GRAPH_HEIGHT, GRAPH_WIDTH
-from executive.trace.viewer.plan_graph import COLUMNS, ROWS, plan_graph, plan_rows
+from executive.trace.viewer.plan_graph import COLUMNS, LETTER, ROWS, plan_graph, plan_rows
 from executive.trace.viewer.text_panels import step_label
 from executive.types import Plan, Step
 
@@ -69,3 +71,14 @@ def test_many_arguments_stand_in_two_lines() -> None:
     crowded = lines(*(f"block-{number}" for number in range(9)))
     assert len(crowded) == 2
     assert crowded[-1].endswith("...")
+
+
+def test_long_names_leave_room_for_fewer_steps_in_a_row() -> None:
+    step = Step.strips("move-down-slowly", ("elevator-number-one",))
+    story = Story()
+    story.plans.append(PlanLine(1, [StepLine(step, DONE)] * 9, Plan((step,) * 9, 1.0, "fake", 0.0)))
+    nodes, _ = plan_graph(plan_rows(story))
+    assert nodes.positions is not None
+    places = sorted((y, x) for x, y in nodes.positions.as_arrow_array().to_pylist())
+    apart = [right - left for (y, left), (below, right) in pairwise(places) if y == below]
+    assert min(apart) > len("elevator-number-one") * LETTER
