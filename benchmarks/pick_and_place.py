@@ -9,11 +9,15 @@ import argparse
 import collections
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
+from executive.app.localizer import item_models, open_localizer
+from executive.perception import ItemModel
 from executive.protocols import Skill, SkillContext
+from executive.sim.known_models import KnownScene
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.skills.pick import pick
@@ -30,6 +34,7 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=100, help="random scenes per item")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--grasp-noise", type=float, default=0.0)
+    parser.add_argument("--poses", choices=("oracle", "depth"), default="oracle")
     parser.add_argument("--items", nargs="*", default=ITEMS)
     arguments = parser.parse_args()
     scene = Path(__file__).parent.parent / "domains" / "grocery" / "scene.toml"
@@ -37,29 +42,25 @@ def main() -> None:
     tally: dict[str, collections.Counter[str]] = {item: collections.Counter() for item in arguments.items}
     failures: list[str] = []
     began, simulated, actions = time.perf_counter(), 0.0, 0
+    known: tuple[KnownScene, list[ItemModel]] | None = None
     for item in arguments.items:
         for index in range(arguments.scenes):
             seed = arguments.seed + 1000 * ITEMS.index(item) + index
-            world = MujocoWorld(scene, objects, seed, grasp_noise=arguments.grasp_noise)
-            truth = Truth(world, MEANING)
-            rng = np.random.default_rng(seed)
-            source = next(t for t in TABLES if truth.of([Atom("on-table", (item, t))]).true)
-            target = TABLES[(TABLES.index(source) + 1 + int(rng.integers(2))) % 3]
-            holds = Atom("robot-gripping", (item,))
-            first = _do(world, pick, Step("pick", (item, source)), rng)
-            picked = first.done and bool(truth.of([holds]).true)
-            tally[item]["picked"] += picked
-            simulated, actions = simulated + first.seconds, actions + 1
-            if not picked:
-                failures.append(f"seed {seed}: {first.step}: {first.status} {first.reason}")
-                continue
-            second = _do(world, place, Step("place", (item, target)), rng)
-            placed = second.done and bool(truth.of([Atom("on-table", (item, target))]).true)
-            tally[item]["placed"] += placed
-            simulated, actions = simulated + second.seconds, actions + 1
-            if not placed:
-                failures.append(f"seed {seed}: {second.step}: {second.status} {second.reason}")
+            by_depth = arguments.poses == "depth"
+            world = MujocoWorld(scene, objects, seed, grasp_noise=arguments.grasp_noise, depth=by_depth)
+            if by_depth:
+                known = known or (KnownScene(world.spec), item_models(world.spec))
+                world.localizer = open_localizer(world, None, known[1], known[0])
+            with closing(world):
+                results = _carry(world, item, np.random.default_rng(seed))
+            for (result, holds), name in zip(results, ("picked", "placed"), strict=False):
+                tally[item][name] += holds
+                simulated, actions = simulated + result.seconds, actions + 1
+                if not holds:
+                    failures.append(f"seed {seed}: {result.step}: {result.status} {result.reason}")
         print(f"{item}: {dict(tally[item])}", file=sys.stderr)
+    if known is not None:
+        known[0].close()
     wall = time.perf_counter() - began
     print(f"{'item':<14}{'scenes':>8}{'picked':>8}{'placed':>8}")
     for item, count in tally.items():
@@ -73,6 +74,23 @@ def main() -> None:
     )
     for line in failures:
         print(line)
+
+
+def _carry(world: MujocoWorld, item: str, rng: np.random.Generator) -> list[tuple[SkillResult, bool]]:
+    """Pick an item, and place it on another table if that worked: what each skill reports, and whether it is true."""
+    truth = Truth(world, MEANING)
+    source = next(t for t in TABLES if truth.of([Atom("on-table", (item, t))]).true)
+    target = TABLES[(TABLES.index(source) + 1 + int(rng.integers(2))) % 3]
+    results = []
+    for skill, name, table, goal in (
+        (pick, "pick", source, Atom("robot-gripping", (item,))),
+        (place, "place", target, Atom("on-table", (item, target))),
+    ):
+        result = _do(world, skill, Step(name, (item, table)), rng)
+        results.append((result, result.done and bool(truth.of([goal]).true)))
+        if not results[-1][1]:
+            break
+    return results
 
 
 def _do(world: MujocoWorld, skill: Skill, step: Step, rng: np.random.Generator) -> SkillResult:

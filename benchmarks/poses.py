@@ -51,6 +51,7 @@ def main() -> None:
         localizer = open_localizer(world, models=list(models.values()), known=known)
         tally.add(seed, world, localizer, models)
         world.close()
+    known.close()
     tally.report(arguments.scenes)
 
 

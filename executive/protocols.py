@@ -18,7 +18,7 @@ from executive.types import (
     Facts,
     FaultInjected,
     Frame,
-    Motion,
+    News,
     NoPlan,
     Observation,
     Phase,
@@ -135,15 +135,16 @@ class SkillContext:
     """What a skill is given beside its step.
 
     `handle` is `World.handle`; `rng` is the skill's own seeded generator (fresh for each dispatch); `announce` puts a
-    phase or a motion into the trace; `cancelled` is to be asked often, and answered with the status CANCELLED once the
-    robot stands still. `lost` is to be asked as often while something is carried: it says why what is carried is taken
-    to be lost by those who look on, and nothing as long as it is not. They may be mistaken. A skill whose hand feels it
-    firmly carries on; another answers with the status DROPPED by the sense SEEN, and leaves the hand as it is.
+    phase, a motion or estimated poses into the trace; `cancelled` is to be asked often, and answered with the status
+    CANCELLED once the robot stands still. `lost` is to be asked as often while something is carried: it says why what
+    is carried is taken to be lost by those who look on, and nothing as long as it is not. They may be mistaken. A skill
+    whose hand feels it firmly carries on; another answers with the status DROPPED by the sense SEEN, and leaves the
+    hand as it is.
     """
 
     handle: Any
     rng: np.random.Generator
-    announce: Callable[[Phase | Motion], None]
+    announce: Callable[[News], None]
     cancelled: Callable[[], bool]
     lost: Callable[[], str] = str
 

@@ -16,7 +16,7 @@ from executive.skills.collision import CollisionModel, Held
 from executive.skills.failed_grasps import FailedGrasps
 from executive.skills.ik import Kinematics
 from executive.skills.motion_planning import MotionPlanner, Path
-from executive.types import FloatArray, Motion, Phase, Sense, SkillResult, SkillStatus, Step
+from executive.types import FloatArray, Motion, Phase, PosesEstimated, Sense, SkillResult, SkillStatus, Step
 
 OPEN_WIDTH = 0.080
 """m; wider than this the fingers are open."""
@@ -38,6 +38,11 @@ _BLOCKED = 0.15
 
 _AT_GRIP = 0.02
 """The largest distance in m of the grip point from an item that the fingers are around."""
+
+_UNCERTAIN = 0.004
+"""m of standard deviation above which an estimated position is looked at again."""
+
+_LOOKS_AGAIN, _LOOK_SECONDS = 2, 0.2
 
 _WITHDRAW = np.linspace(0.01, 0.10, 10)
 """Heights in m of the waypoints of a withdrawal from a contact."""
@@ -104,6 +109,7 @@ class Attempt:
         self._last_plan: Path | None = None
         self._grip_width = self.body.gripper_width() if self.holding else None
         self._reported_lost = False
+        self._announced: PosesEstimated | None = None
 
     def item_and_table(self) -> tuple[str, str]:
         """Returns the arguments of the step.
@@ -138,18 +144,59 @@ class Attempt:
         self._last_plan = found
         return None if found is None else found.configurations
 
+    def locate(self, item: str) -> FloatArray:
+        """The pose (7,) of an item. Where it is estimated and not well known, it is looked at again.
+
+        Raises:
+            SkillError: NOT_THERE where it is seen nowhere.
+        """
+        pose: FloatArray | None = self.body.locate(item)
+        for _ in range(_LOOKS_AGAIN):
+            if pose is not None and self.spread(item) <= _UNCERTAIN:
+                break
+            if self.body.estimated_poses() is None:
+                break
+            self.wait(_LOOK_SECONDS)  # another moment, other noise
+            pose = self.body.locate(item)
+        self._announce_poses()
+        if pose is None:
+            raise SkillError(SkillStatus.NOT_THERE, f"{item} is seen nowhere")
+        return pose
+
+    def spread(self, item: str) -> float:
+        """How uncertain the last estimate of an item's position is, as a standard deviation in m; 0 where positions are
+        not estimated."""
+        estimate = self.body.estimated_poses()
+        return 0.0 if estimate is None or item not in estimate.poses else estimate.poses[item].spread
+
+    def obstacles(self) -> dict[str, FloatArray]:
+        """The poses (7,) of all that is in the way."""
+        poses: dict[str, FloatArray] = self.body.obstacles()
+        self._announce_poses()
+        return poses
+
     def held(self) -> Held | None:
         """The item in the gripper with its present pose in it; None for an empty gripper."""
         if not self.holding:
             return None
-        hand, items = self.arm.kinematics.forward(self.body.joints()), self.body.obstacles()
+        hand = self.arm.kinematics.forward(self.body.joints())
+        items = {item: pose for item, pose in self.obstacles().items() if item not in self.handle.unknown}
         away = {item: self.handle.shapes[item].distance(pose, hand[:3, 3]) for item, pose in items.items()}
-        item = min(away, key=away.__getitem__)
-        return Held(item, transforms.inverse(hand) @ transforms.matrix(items[item])) if away[item] < _AT_GRIP else None
+        item = min(away, key=away.__getitem__, default="")
+        if not item or away[item] >= _AT_GRIP:
+            return None
+        return Held(item, transforms.inverse(hand) @ transforms.matrix(items[item]))
 
     def update_collisions(self, held: Held | None = None, ignored: Collection[str] = ()) -> None:
         """Updates the collision model."""
-        self.arm.collision.update(self.body.obstacles(), self.body.gripper_joints(), held, ignored)
+        self.arm.collision.update(self.obstacles(), self.body.gripper_joints(), held, ignored)
+
+    def _announce_poses(self) -> None:
+        """Puts estimated poses into the trace, once."""
+        estimate = self.body.estimated_poses()
+        if estimate is not None and estimate is not self._announced:
+            self._announced = estimate
+            self.context.announce(estimate)
 
     def move(
         self,
@@ -209,6 +256,8 @@ class Attempt:
         if not self.holding:
             raise SkillError(SkillStatus.GRASP_MISSED, "the gripper closed on nothing")
         self._grip_width = self.body.gripper_width()
+        if self.body.estimated_poses() is not None:
+            self.held()  # whoever estimates poses learns that it is held while it still is where it was
 
     def open_gripper(self) -> None:
         self._grip_width = None

@@ -35,20 +35,21 @@ _YAWS = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def candidates(item: FloatArray, shape: ItemShape, table_top: float) -> list[FloatArray]:
+def candidates(item: FloatArray, shape: ItemShape, table_top: float, slack: float = 0.0) -> list[FloatArray]:
     """Grasps of an item, best first.
 
     Args:
         item: the item's transform (4, 4) in the world.
         shape: its bounding box.
         table_top: height in m of what it stands on.
+        slack: how far in m the item may be from there; the fingers leave as much room on either side.
     """
     rotation = item[:3, :3]
     centre = item[:3, 3] + rotation @ shape.centre
     result: list[FloatArray] = []
     off_centre: list[FloatArray] = []
     for tilt in _TILTS:
-        for closing in _closing_axes(rotation, shape):
+        for closing in _closing_axes(rotation, shape, slack):
             straight = -(_UP - (_UP @ closing) * closing)
             straight /= np.linalg.norm(straight)
             approach = np.cos(tilt) * straight + np.sin(tilt) * np.cross(closing, straight)
@@ -69,7 +70,7 @@ def candidates(item: FloatArray, shape: ItemShape, table_top: float) -> list[Flo
     return [*result, *off_centre]
 
 
-def _closing_axes(rotation: FloatArray, shape: ItemShape) -> list[FloatArray]:
+def _closing_axes(rotation: FloatArray, shape: ItemShape, slack: float = 0.0) -> list[FloatArray]:
     """Nearly horizontal directions across which the item is narrow enough, in the world frame."""
     if shape.axis is not None:
         axle = rotation[:, shape.axis]
@@ -81,7 +82,7 @@ def _closing_axes(rotation: FloatArray, shape: ItemShape) -> list[FloatArray]:
             axes = [across / np.linalg.norm(across)]
     else:
         axes = [rotation[:, index] for index in range(3) if abs(float(rotation[2, index])) < 0.5]
-    return [axis for axis in axes if 2 * shape.reach(rotation.T @ axis) < WIDEST_GRIP]
+    return [axis for axis in axes if 2 * (shape.reach(rotation.T @ axis) + slack) < WIDEST_GRIP]
 
 
 def on_table(item: FloatArray, shape: ItemShape, table: TableSpec, slack: float = 0.02) -> bool:

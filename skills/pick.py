@@ -21,6 +21,12 @@ _LIFT = np.linspace(0.015, 0.12, 8)
 _MOST_PLANS = 8
 """The largest number of grasps for which a motion is planned."""
 
+_LOOKS_AGAIN = 2
+"""How often an item whose pose is estimated is looked for again when the fingers closed on nothing."""
+
+_DEVIATIONS = 2.0
+"""Standard deviations of an estimated position that the open fingers have room for on either side."""
+
 _AGAIN = 1.0
 """The extra cost of a grasp per failure, in rad of the path to it."""
 
@@ -48,15 +54,28 @@ def pick(step: Step, context: SkillContext) -> SkillResult:
 
 def _pick(attempt: Attempt) -> None:
     item, table = attempt.item_and_table()
-    shape, top = attempt.handle.shapes[item], attempt.handle.tables[table]
     if attempt.holding:
         raise SkillError(SkillStatus.GRASP_MISSED, "the gripper holds something already")
     attempt.open_gripper()
+    for _ in range(_LOOKS_AGAIN):
+        try:
+            return _try(attempt, item, table)
+        except SkillError as failure:
+            if failure.status is not SkillStatus.GRASP_MISSED or attempt.body.estimated_poses() is None:
+                raise
+    return _try(attempt, item, table)
+
+
+def _try(attempt: Attempt, item: str, table: str) -> None:
+    """Locates the item, and takes it."""
+    shape, top = attempt.handle.shapes[item], attempt.handle.tables[table]
     attempt.phase("plan", f"grasps of {item}")
-    pose = transforms.matrix(attempt.body.locate(item))
+    pose = transforms.matrix(attempt.locate(item))
     if not grasps.on_table(pose, shape, top):
         raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {table}")
-    candidates = grasps.candidates(pose, shape, top.centre[2])
+    slack = _DEVIATIONS * attempt.spread(item)
+    # Where the fingers open too little for that, it is tried all the same.
+    candidates = grasps.candidates(pose, shape, top.centre[2], slack) or grasps.candidates(pose, shape, top.centre[2])
     if not candidates:
         raise SkillError(SkillStatus.UNREACHABLE, f"{item} is too wide for the gripper as it stands or lies")
     reaches = _reachable(attempt, item, candidates)
@@ -97,7 +116,7 @@ def _take(attempt: Attempt, reach: _Reach) -> None:
 def _reachable(attempt: Attempt, item: str, candidates: list[FloatArray]) -> list[_Reach]:
     """The grasps with free straight approach and lift, cheapest first."""
     arm, start = attempt.arm, attempt.body.joints()
-    pose = transforms.matrix(attempt.body.obstacles()[item])
+    pose = transforms.matrix(attempt.obstacles()[item])
     found: list[_Reach] = []
     for preference, grasp in enumerate(candidates):
         if len(found) >= 2 * _MOST_PLANS:

@@ -73,7 +73,7 @@ def _lowerings(attempt: Attempt, held: Held, table: str) -> list[_Lowering]:
     """Ways to put the held item down that are reachable and free, the roomiest spot's cheapest first."""
     arm, start = attempt.arm, attempt.body.joints()
     shape, top = attempt.handle.shapes[held.item], attempt.handle.tables[table]
-    others = {name: pose for name, pose in attempt.body.obstacles().items() if name != held.item}
+    others = {name: pose for name, pose in attempt.obstacles().items() if name != held.item}
     now = arm.kinematics.forward(start) @ held.in_hand
     upright = grasps.resting(now, shape)
     found: list[_Lowering] = []

@@ -44,6 +44,7 @@ from executive.types import (
     LookKind,
     Motion,
     Moved,
+    News,
     NoPlan,
     NoPlanReason,
     Observation,
@@ -292,9 +293,9 @@ class SkillContract(ABC):
 
     def carry_out(
         self, skill: Skill, world: Simulator, step: Step, patience: float = float("inf")
-    ) -> tuple[SkillResult, list[Phase | Motion]]:
+    ) -> tuple[SkillResult, list[News]]:
         """What the skill says and announces; it is cancelled after `patience` seconds of the world's time."""
-        announced: list[Phase | Motion] = []
+        announced: list[News] = []
         until = world.time + patience
         rng = np.random.default_rng(1)
         result = skill(step, SkillContext(world.handle, rng, announced.append, lambda: world.time >= until))

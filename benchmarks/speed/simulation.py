@@ -19,7 +19,7 @@ from executive.sim.world import MujocoWorld
 from executive.skills.arm import arm_of
 from executive.skills.pick import pick
 from executive.skills.place import place
-from executive.types import Atom, Motion, Phase, Step
+from executive.types import Atom, News, Step
 
 _MEANING = {"on-table": "on", "robot-gripping": "gripping", "robot-gripper-empty": "gripper-empty"}
 _WHAT = ("soda-can", "bread-loaf", "cereal-box")
@@ -97,7 +97,7 @@ def _robosuite() -> Any:
 def _actions(item: str) -> list[float]:
     """Simulated seconds in each second of processor time, for a pick and a place of an item."""
     world = stage(20)
-    truth, rng, said = Truth(world, _MEANING), np.random.default_rng(0), list[Phase | Motion]()
+    truth, rng, said = Truth(world, _MEANING), np.random.default_rng(0), list[News]()
     arm_of(world.handle).collision.free(world.joints())
     source = next(table for table in TABLES if truth.of([Atom("on-table", (item, table))]).true)
     target = TABLES[(TABLES.index(source) + 1) % len(TABLES)]

@@ -32,6 +32,10 @@ WORLDS = MappingProxyType(
     {MUJOCO: "the simulator", SYMBOLIC_WORLD: "no simulator; actions have the effects that the PDDL gives them"}
 )
 
+ORACLE_POSES, DEPTH = "oracle", "depth"
+
+POSES = MappingProxyType({ORACLE_POSES: "the simulator's", DEPTH: "estimated from depth pictures"})
+
 TRANSLATORS = MappingProxyType(
     {"templates": "the domain's own questions", "llm": "a language model words them", "none": "bare predicates"}
 )
@@ -217,6 +221,9 @@ class RunConfig:
     ] = ()
     home_pose: Annotated[bool, HOME_POSE] = True
     grasp_noise: Annotated[float, Option("Standard deviation of the grasp, in m.", least=0, most=1)] = 0.0
+    poses: Annotated[
+        str, Option("Where skills take poses from: oracle (the simulator), or depth (estimated).", choices=POSES)
+    ] = ORACLE_POSES
     max_replans: Annotated[int | None, Option(_LIMIT, least=0)] = None
     max_actions: Annotated[int | None, Option(_LIMIT, least=1)] = None
     max_cycles: Annotated[int | None, Option(_LIMIT, least=1)] = None
@@ -261,6 +268,8 @@ class RunConfig:
         for name in ("no_effect", "exogenous", "flip"):
             if getattr(self, name) and not is_symbolic:
                 raise OptionError(f"goes with `world` {SYMBOLIC_WORLD}", option=name)
+        if is_symbolic and self.poses != ORACLE_POSES:
+            raise OptionError("the symbolic world has no poses to estimate", option="poses")
         if is_symbolic and self.estimator == "vlm":
             raise OptionError("the symbolic world has no pictures for a model", option="estimator")
         if self.eye == EstimatorConfig():

@@ -7,11 +7,22 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from executive.errors import DomainError
+from executive.faults import FaultInjector, faulty_sensing
 from executive.perception import Capture, ItemModel, Localizer
 from executive.sim.known_models import KnownScene, item_meshes
 from executive.sim.spec import SceneSpec
 from executive.sim.world import MujocoWorld
 from executive.types import Observation
+
+
+def estimate_poses(world: object, faults: FaultInjector) -> None:
+    """Have skills act on poses that are estimated by what a simulated world's depth cameras see, as the faults demand.
+
+    Raises:
+        DomainError: no camera of the scene measures depth.
+    """
+    if isinstance(world, MujocoWorld):
+        world.localizer = open_localizer(world, faulty_sensing(world, world.sense, faults))
 
 
 def open_localizer(

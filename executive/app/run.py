@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from executive.app.assembly import make_executive
-from executive.app.config import CONFIG, EstimatorConfig, RunConfig, check_folder, make_folder, read_config
+from executive.app.config import CONFIG, DEPTH, EstimatorConfig, RunConfig, check_folder, make_folder, read_config
 from executive.app.estimators import open_estimator, with_default_model
 from executive.app.monitors import open_monitor
 from executive.app.planners import open_planner
@@ -167,6 +167,10 @@ class Run:
         else:
             estimator = vlm or self._stage.oracle
         faults = FaultInjector(injected, self.world, config.seed)
+        if config.poses == DEPTH:
+            from executive.app.localizer import estimate_poses
+
+            estimate_poses(self.world, faults)
         skills, moves = self._stage.skills, self._stage.moves
         preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
         return make_executive(

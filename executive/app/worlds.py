@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from executive.app.config import MUJOCO, SYMBOLIC_WORLD, RunConfig
+from executive.app.config import DEPTH, MUJOCO, SYMBOLIC_WORLD, RunConfig
 from executive.core.attention import Attention
 from executive.domain.loader import Domain
 from executive.errors import DomainError, OptionError, nearest
@@ -261,6 +261,7 @@ def _simulator(
         first_observation=first_observation,
         barred=setting.barred,
         held=setting.held,
+        depth=config.poses == DEPTH,
     )
     truth = Truth(world, domain.relations, task.parameters, domain.files[0])
     try:

@@ -23,8 +23,8 @@ from executive.types import (
     Dispatched,
     Ended,
     Event,
-    Motion,
     Moved,
+    News,
     OutcomeKind,
     Payload,
     Phase,
@@ -188,7 +188,7 @@ class Session:
         if faults:
             faults.before_action(action, step)
 
-        def announce(news: Phase | Motion) -> None:
+        def announce(news: News) -> None:
             self.emit(news)
             if isinstance(news, Phase):
                 if faults:
@@ -228,9 +228,7 @@ class Session:
         self.emit(Moved(step.action, result.status, result.reason, result.seconds))
         return result
 
-    def _context(
-        self, key: tuple[int, ...], announce: Callable[[Phase | Motion], None], lost: Callable[[], str]
-    ) -> SkillContext:
+    def _context(self, key: tuple[int, ...], announce: Callable[[News], None], lost: Callable[[], str]) -> SkillContext:
         rng = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=key))
         return SkillContext(self._world.handle, rng, announce, lambda: self._cancelled is not None, lost)
 

@@ -9,7 +9,7 @@ between.py    cameras, estimators, planners and skills that fail
 from executive.faults.catalogue import KINDS, Kind
 from executive.faults.grammar import EVER, EXAMPLES, Fault, parse_fault, read_faults
 from executive.faults.injector import FaultInjector
-from executive.faults.wrappers import faulty_estimator, faulty_planner, faulty_skills, faulty_world
+from executive.faults.wrappers import faulty_estimator, faulty_planner, faulty_sensing, faulty_skills, faulty_world
 
 __all__ = [
     "EVER",
@@ -20,6 +20,7 @@ __all__ = [
     "Kind",
     "faulty_estimator",
     "faulty_planner",
+    "faulty_sensing",
     "faulty_skills",
     "faulty_world",
     "parse_fault",

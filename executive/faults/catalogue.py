@@ -109,6 +109,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
                     "noisy": "its pictures are noisy, each in its own way",
                     "dark": "its pictures are dark",
                     "no-depth": "it measures no depth",
+                    "moved": "it was knocked: it stands 1 to 3 cm from where it is taken to stand",
                 }
             ),
             keys={"amount": "; ".join(f"{way}: {meaning}" for way, meaning in SPOILED.items()), **_TIMES},

@@ -4,12 +4,13 @@ otherwise."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 import zlib
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from executive.types import (
     DepthImage,
     Evidence,
     Facts,
+    FloatArray,
     Frame,
     Image,
     NoPlan,
@@ -43,6 +45,12 @@ Pixels = TypeVar("Pixels", Image, DepthImage)
 NO_DEPTH = "no-depth"
 """The way in which a camera fails to measure depth, and shows its picture all the same."""
 
+MOVED = "moved"
+"""The way in which a camera stands elsewhere than it is taken to stand."""
+
+_MOVE = (0.01, 0.03)
+"""m by which it does."""
+
 DELAY = 2.0
 """The default delay of a slow estimator, in wall seconds."""
 
@@ -53,9 +61,24 @@ _POLL = 0.01
 """Wall seconds between two checks of a hanging skill for cancellation."""
 
 
+@runtime_checkable
+class MovesCameras(Protocol):
+    """A world whose cameras can be moved."""
+
+    def move_camera(self, camera: str, by: FloatArray) -> None:
+        """Have a camera stand `by` (3,) m, in the world's frame, from where everybody believes it stands."""
+        ...
+
+
 def faulty_world(world: World, faults: FaultInjector) -> World:
     """A world whose cameras fail as the faults demand."""
     return _World(world, faults)
+
+
+def faulty_sensing(world: World, sense: Callable[[], Observation], faults: FaultInjector) -> Callable[[], Observation]:
+    """What `sense` senses for estimating poses, through cameras of the world that fail as the faults demand."""
+    cameras = _Cameras(world, faults)
+    return lambda: cameras.through(sense)
 
 
 def faulty_estimator(estimator: Estimator, faults: FaultInjector) -> Estimator:
@@ -76,9 +99,7 @@ def faulty_skills(skills: Mapping[str, Skill], faults: FaultInjector) -> dict[st
 
 class _World:
     def __init__(self, world: World, faults: FaultInjector) -> None:
-        self._world, self._faults = world, faults
-        self._last: dict[str, Image] = {}
-        self._last_depth: dict[str, DepthImage] = {}
+        self._world, self._cameras = world, _Cameras(world, faults)
 
     @property
     def time(self) -> float:
@@ -89,7 +110,33 @@ class _World:
         return self._world.handle
 
     def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
-        observation = self._world.observe(cause, cameras)
+        return self._cameras.through(lambda: self._world.observe(cause, cameras))
+
+    def stop(self) -> None:
+        self._world.stop()
+
+    def schedule(self, delay: float, action: Callable[[], None]) -> None:
+        self._world.schedule(delay, action)
+
+    def scenery(self) -> Scenery:
+        return self._world.scenery()
+
+    def watch(self, listener: Callable[[Frame], None] | None) -> None:
+        self._world.watch(listener)
+
+
+class _Cameras:
+    """Cameras as the faults demand them."""
+
+    def __init__(self, world: World, faults: FaultInjector) -> None:
+        self._world, self._faults = world, faults
+        self._last: dict[str, Image] = {}
+        self._last_depth: dict[str, DepthImage] = {}
+
+    def through(self, take: Callable[[], Observation]) -> Observation:
+        """What `take` observes, as these cameras show it."""
+        with self._moved():
+            observation = take()
         images, depth = dict(observation.images), dict(observation.depth)
         for place, fault in self._faults.felt("camera"):
             hit = [camera for camera in (depth if fault.way == NO_DEPTH else images) if fault.camera in (None, camera)]
@@ -103,17 +150,24 @@ class _World:
         self._last_depth.update(depth)
         return replace(observation, images=images, depth=depth)
 
-    def stop(self) -> None:
-        self._world.stop()
-
-    def schedule(self, delay: float, action: Callable[[], None]) -> None:
-        self._world.schedule(delay, action)
-
-    def scenery(self) -> Scenery:
-        return self._world.scenery()
-
-    def watch(self, listener: Callable[[Frame], None] | None) -> None:
-        self._world.watch(listener)
+    @contextlib.contextmanager
+    def _moved(self) -> Iterator[None]:
+        """While it lasts, cameras stand elsewhere, in a world that can have them do so."""
+        world: object = self._world
+        moved: list[str] = []
+        if isinstance(world, MovesCameras):
+            for place, fault in self._faults.felt("camera"):
+                if fault.way == MOVED:
+                    named = [camera.name for camera in self._world.scenery().cameras]
+                    for camera in [name for name in named if fault.camera in (None, name)]:
+                        chance = self._faults.chance(place, zlib.crc32(camera.encode()))
+                        way = chance.normal(size=3)
+                        world.move_camera(camera, chance.uniform(*_MOVE) * way / np.linalg.norm(way))
+                        moved.append(camera)
+        yield
+        if isinstance(world, MovesCameras):
+            for camera in moved:
+                world.move_camera(camera, np.zeros(3))
 
     def _changed(
         self, place: int, fault: Fault, camera: str, image: Image, depth: DepthImage | None
@@ -131,6 +185,8 @@ class _World:
                 return _shifted(image, *by), None if depth is None else _shifted(depth, *by)
             case way if way == NO_DEPTH:
                 return image, None
+            case way if way == MOVED:
+                return image, depth
             case way if way in SPOILED:
                 chance = self._faults.drawn(place, zlib.crc32(camera.encode()))
                 return spoiled(image, way, fault.amount, chance), depth

@@ -36,6 +36,9 @@ _SLIPS = (0.0, 0.35, -0.35, 0.7, -0.7)
 _HELD_MOVES = 0.06
 """m by which it may have moved."""
 
+_NEAR_ITEM = 0.025
+"""m around what is held or hidden within which points are taken to be of it, or of the fingers on it."""
+
 _GONE = 0.2
 """The share of an item's surface that a camera looks through where it was, from which on it is not there any more."""
 
@@ -129,6 +132,9 @@ class Localizer:
         for name, pose in before.items():
             if name not in found and not self._is_refuted(name, pose, views):
                 found[name] = replace(pose, source="remembered")
+        for name, pose in found.items():
+            if pose.source != "seen":  # what is seen of what is hidden or held, and is not enough to tell by
+                cloud = self._apart(name, pose, cloud)
         missing = tuple(sorted(self._models.keys() - found.keys()))
         lumps = tuple(_lump(cloud.points[group]) for group in clouds.clusters(cloud.points, *self._known.bounds))
         return PosesEstimated({name: found[name] for name in sorted(found)}, missing, lumps, left_out)
@@ -207,6 +213,12 @@ class Localizer:
             return ""
         self._held = nearest, np.linalg.inv(hand) @ matrix(poses[nearest].pose)
         return nearest
+
+    def _apart(self, name: str, pose: EstimatedPose, cloud: Cloud) -> Cloud:
+        """The points that are not near an item."""
+        model, body = self._models[name], matrix(pose.pose)
+        at = (cloud.points - body[:3, 3]) @ body[:3, :3] - model.centre
+        return cloud.of(np.linalg.norm(np.maximum(np.abs(at) - model.half, 0.0), axis=1) > _NEAR_ITEM)
 
     def _is_refuted(self, name: str, pose: EstimatedPose, views: Sequence[View]) -> bool:
         """Whether an item is not where it was: cameras look through it, or measure what is not it and see all of it."""

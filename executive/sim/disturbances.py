@@ -122,7 +122,7 @@ def _shove(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str,
     item = _loose(world, rng, arguments.get("item"))
     if item is None:
         return "nothing was shoved: the robot holds it"
-    before, others = world.pose(item), {name: pose for name, pose in world.obstacles().items() if name != item}
+    before, others = world.pose(item), {name: pose for name, pose in world.poses().items() if name != item}
     for _ in range(_TRIES):
         found = placement.free_spot(world.spec, world.shapes, item, others, rng, arguments.get("table"))
         if found is None:

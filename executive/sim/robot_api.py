@@ -1,7 +1,8 @@
 """The robot interface of skills: commands of arm and gripper, joint measurements, and poses of items.
 
-As in the paper (Section 6.1), grasp poses are inferred from "privileged information": `locate` and `obstacles` give
-poses from the simulator, with noise where a run asks for it. The truth of atoms is not available here.
+Where things are, `locate` and `obstacles` answer from depth pictures where a run estimates poses, and else, as in the
+paper (Section 6.1), from "privileged information": the simulator's poses, with noise where a run asks for it. The truth
+of atoms is not available here.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import mujoco
 
 from executive.sim.scene import ItemShape
 from executive.sim.spec import TableSpec
-from executive.types import FloatArray
+from executive.types import FloatArray, PosesEstimated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,8 +47,18 @@ class Handle:
     home_pose: bool
     """Whether an action ends at the home pose (the paper's "Pose") or where its motion ends."""
     body: Body
+    unknown: frozenset[str] = frozenset()
+    """The boxes among the shapes that stand for what is there and is no known item."""
     keep_trees: bool = False
     """Whether motions are reported with their search tree, for the viewer."""
+
+
+class PoseSource(Protocol):
+    """Estimates where things are."""
+
+    def now(self) -> PosesEstimated:
+        """The poses at this moment."""
+        ...
 
 
 class Body(Protocol):
@@ -68,12 +79,17 @@ class Body(Protocol):
         """All finger joints (rad), in the model's order."""
         ...
 
-    def locate(self, item: str) -> FloatArray:
-        """The estimated pose of the item that is to be grasped."""
+    def locate(self, item: str) -> FloatArray | None:
+        """The pose of the item that is to be grasped; None where it is seen nowhere."""
         ...
 
     def obstacles(self) -> dict[str, FloatArray]:
-        """The poses of all items, for collision avoidance."""
+        """The poses of all that is in the way: of the items that are found, and of as many of the handle's `unknown`
+        boxes as it takes to cover everything else."""
+        ...
+
+    def estimated_poses(self) -> PosesEstimated | None:
+        """What `locate` and `obstacles` answered from last; None where that was the simulator."""
         ...
 
     def command(self, position: FloatArray, velocity: FloatArray) -> None:

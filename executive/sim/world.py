@@ -15,12 +15,12 @@ import mujoco
 import numpy as np
 
 from executive.errors import DomainError, InputError
-from executive.sim import depth_sensor, disturbances, placement, scene
+from executive.sim import depth_sensor, disturbances, placement, scene, unknown
 from executive.sim import viewer_geometry as scenery
 from executive.sim.rendering import Drawing, sensed
-from executive.sim.robot_api import ArmLimits, Handle
+from executive.sim.robot_api import ArmLimits, Handle, PoseSource
 from executive.sim.spec import SceneSpec, read_scene
-from executive.types import DepthImage, FloatArray, Frame, Image, Observation, Scenery
+from executive.types import DepthImage, FloatArray, Frame, Image, Observation, PosesEstimated, Scenery
 from executive.util.files import parse_arrays
 
 CONTROL_PERIOD = 0.008
@@ -99,6 +99,9 @@ class MujocoWorld:
         self._seed, self._grasp_noise, self._depth = seed, grasp_noise, depth
         self._misplaced: FloatArray | None = None
         self._forced_open_until = -1.0
+        self.localizer: PoseSource | None = None
+        """What `locate` and `obstacles` answer from; without it, they tell where everything is."""
+        self._estimate: PosesEstimated | None = None
         self._scheduled: list[tuple[float, int, Callable[[], None]]] = []
         self._ids = itertools.count()
         self._listener: Callable[[Frame], None] | None = None
@@ -116,12 +119,14 @@ class MujocoWorld:
         self._places = {item.name: self.model.joint(f"{item.name}/free").qposadr[0] for item in self.spec.items}
         limits = self._limits(file)
         self._reset(dict(placed or {}), file, barred, held)
-        stage = self.spec
+        spare = unknown.boxes() if depth else ()
+        stage = self.spec.model_copy(update={"items": (*self.spec.items, *spare)})
         # The handle refers back weakly: a world holds a hundred megabytes, which go when its owner lets go of it.
         self.handle = Handle(
             limits=limits,
             tables={table.name: table for table in self.spec.tables},
-            shapes=self.shapes,
+            shapes=self.shapes | unknown.shapes(spare),
+            unknown=frozenset(box.name for box in spare),
             camera_positions={camera.name: np.array(camera.position) for camera in self.spec.cameras},
             planning_spec=lambda: scene.build(stage, visuals=False),
             control_period=self._steps * self.model.opt.timestep,
@@ -245,8 +250,14 @@ class MujocoWorld:
         left, right = (self.data.geom_xpos[pad] for pad in self._pads)
         return max(0.0, float(np.linalg.norm(left - right)) - 2 * scene.PAD_HALF_THICKNESS)
 
-    def locate(self, item: str) -> FloatArray:
-        pose = self.pose(item)
+    def locate(self, item: str) -> FloatArray | None:
+        if self.localizer is None:
+            pose = self.pose(item)
+        else:
+            self._estimate = self.localizer.now()
+            if item not in self._estimate.poses:
+                return None
+            pose = np.array(self._estimate.poses[item].pose)
         pose[:2] += self._noise_rng.normal(0.0, 1.0, 2) * self._grasp_noise
         if self._misplaced is not None:
             pose[:3] += self._misplaced
@@ -254,7 +265,14 @@ class MujocoWorld:
         return pose
 
     def obstacles(self) -> dict[str, FloatArray]:
-        return {item: self.pose(item) for item in self._places}
+        if self.localizer is None:
+            return self.poses()
+        self._estimate = self.localizer.now()
+        found = {item: np.array(estimate.pose) for item, estimate in self._estimate.poses.items()}
+        return found | unknown.covered(self._estimate.lumps)
+
+    def estimated_poses(self) -> PosesEstimated | None:
+        return self._estimate
 
     def command(self, position: FloatArray, velocity: FloatArray) -> None:
         # A position servo with damping lags a moving target by damping/stiffness seconds; lead by as much.
@@ -302,7 +320,7 @@ class MujocoWorld:
         They are let go of by hand, because a hundred megabytes should not wait for the garbage collector to find the
         cycles of whoever used them.
         """
-        self._listener = None
+        self._listener = self.localizer = None
         self._scheduled.clear()
         if hasattr(self, "model"):
             self.drawing.close()
@@ -312,6 +330,10 @@ class MujocoWorld:
         """Where an item is, (7,), without error."""
         start = self._places[item]
         return np.array(self.data.qpos[start : start + 7])
+
+    def poses(self) -> dict[str, FloatArray]:
+        """Where all items are, (7,) each, without error."""
+        return {item: self.pose(item) for item in self._places}
 
     def _limits(self, file: Path) -> ArmLimits:
         ranges = np.array([self.model.joint(name).range for name in scene.JOINTS])

@@ -7,7 +7,18 @@ probability for each atom after a look, a *verdict* is the result of comparing a
 from executive.types.actions import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
 from executive.types.conditions import ALWAYS, NEVER, Condition, DerivedRules
 from executive.types.decisions import Cause, Decision, DecisionKind, Ground, OutcomeKind, Reason
-from executive.types.events import Compared, Ended, Event, FaultInjected, Payload, Resumed, Revised, Started, Timing
+from executive.types.events import (
+    Compared,
+    Ended,
+    Event,
+    FaultInjected,
+    News,
+    Payload,
+    Resumed,
+    Revised,
+    Started,
+    Timing,
+)
 from executive.types.facts import Atom, DepthImage, Facts, FloatArray, Image
 from executive.types.observations import (
     Belief,
@@ -65,6 +76,7 @@ __all__ = [
     "Lump",
     "Motion",
     "Moved",
+    "News",
     "NoPlan",
     "NoPlanReason",
     "Observation",

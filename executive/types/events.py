@@ -127,6 +127,10 @@ Payload: TypeAlias = (
 )
 
 
+News: TypeAlias = Phase | Motion | PosesEstimated
+"""What a skill announces."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Event:
     """One event of a run. `cycle` counts turns of the loop, `time` is the world's clock and `wall` the process's

@@ -15,7 +15,7 @@ from executive.sim.world import MujocoWorld
 from executive.skills import grasps, transforms
 from executive.skills.pick import pick
 from executive.skills.place import place
-from executive.types import Atom, Facts, Motion, Phase, SkillResult, SkillStatus, Step
+from executive.types import Atom, Facts, Motion, News, Phase, SkillResult, SkillStatus, Step
 from tests.contracts import SkillContract
 from tests.executive.sim.stage import ITEMS, MEANING, OBJECTS, SCENE, TABLES, grocery
 
@@ -25,7 +25,7 @@ class Robot:
 
     def __init__(self, world: MujocoWorld, seed: int = 0) -> None:
         self.world, self.rng = world, np.random.default_rng(seed)
-        self.said: list[Phase | Motion] = []
+        self.said: list[News] = []
         self.cancelled, self._cancel_in = False, ""
         self.truth = Truth(world, MEANING)
 
@@ -56,7 +56,7 @@ class Robot:
     def _context(self) -> SkillContext:
         return SkillContext(self.world.handle, self.rng, self._hear, lambda: self.cancelled)
 
-    def _hear(self, event: Phase | Motion) -> None:
+    def _hear(self, event: News) -> None:
         self.said.append(event)
         self.cancelled = self.cancelled or (isinstance(event, Phase) and event.name == self._cancel_in)
 
@@ -164,7 +164,7 @@ def test_a_drop_is_felt_and_ends_the_skill_early() -> None:
     def drop() -> None:
         robot.world.disturb("drop", robot.rng)
 
-    def drop_in_transfer(event: Phase | Motion) -> None:
+    def drop_in_transfer(event: News) -> None:
         robot.said.append(event)
         if isinstance(event, Phase) and event.name == "transfer":
             robot.world.schedule(0.4 * event.seconds, drop)

@@ -29,7 +29,7 @@ from executive.lab.config import MOST_POINTS
 from executive.protocols import SkillContext
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
-from executive.types import Facts, Motion, Phase, SkillResult, SkillStatus, Step
+from executive.types import Facts, News, Phase, SkillResult, SkillStatus, Step
 
 MOST_FAILURES = 5
 """In a row (Appendix D, step 5)."""
@@ -161,6 +161,6 @@ class Collector:
         )
 
 
-def _follow(faults: FaultInjector, count: int, step: Step, news: Phase | Motion) -> None:
+def _follow(faults: FaultInjector, count: int, step: Step, news: News) -> None:
     if isinstance(news, Phase):
         faults.on_phase(count, step, news)

@@ -23,6 +23,8 @@ _STILL = 2e-4
 _NOWHERE = np.full(7, np.nan)
 _MARGIN = 0.006
 """m between an item and the box that is drawn around it in the hand."""
+_DEPTHS, _FILL = (400.0, 2500.0), 0.3
+"""mm from black to white, and the size of the points of a cloud as a share of what would leave no gaps."""
 _DIRECT = frozenset({"straight", "line"})
 """What the arm calls motions that nothing had to be searched for."""
 
@@ -108,11 +110,16 @@ class Scene:
             self._record.log(_camera(name), picture)
         for name, depth in observation.depth.items():
             # Beside the picture, so that either can be looked at; in space, under the camera, it is a cloud of points.
-            self._record.log([*_camera(name), DEPTH], rr.DepthImage(depth, meter=1000.0))
+            cloud = rr.DepthImage(
+                depth, meter=1000.0, depth_range=_DEPTHS, colormap="grayscale", point_fill_ratio=_FILL
+            )
+            self._record.log([*_camera(name), DEPTH], cloud)
 
     def show_poses(self, estimate: PosesEstimated) -> None:
         """Where items are taken to be."""
-        self._pose_marks = self._pose_marks or PoseMarks(self._record, self._boxes)
+        if self._pose_marks is None:
+            boxes = {self._owner(body): box for body, box in self._boxes.items()}
+            self._pose_marks = PoseMarks(self._record, boxes)
         self._pose_marks.show(estimate)
 
     def show_look(self, look: LookLine, seen_in: Mapping[str, int], blinded: Mapping[str, str]) -> None:

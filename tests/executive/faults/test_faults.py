@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from executive.faults import (
     FaultInjector,
     faulty_estimator,
     faulty_planner,
+    faulty_sensing,
     faulty_skills,
     faulty_world,
     parse_fault,
@@ -35,17 +36,20 @@ from executive.types import (
     Atom,
     Belief,
     Blinded,
+    Camera,
     DepthImage,
     Dispatched,
     Ended,
     Facts,
     FaultInjected,
+    FloatArray,
     Image,
     NoPlan,
     Observation,
     OutcomeKind,
     Phase,
     Questions,
+    Scenery,
     SkillResult,
     SkillStatus,
 )
@@ -172,7 +176,7 @@ def test_the_catalogues_examples_are_faults(name: str) -> None:
         ("camera:black@0-3-4", "counted from 1 (0: before the first one)"),
         ("drop:grasp,release@4", "both 'grasp' and 'release'"),
         ("drop:grasp=1@4", "no argument 'grasp'"),
-        ("camera@4", "say how: black, frozen, blurred, shifted, noisy, dark, no-depth"),
+        ("camera@4", "say how: black, frozen, blurred, shifted, noisy, dark, no-depth, moved"),
         ("camera:dark,amount=1.5@4", "a number up to 1 (share of the light"),
         ("camera:black,amount=1@4", "amount goes with blurred, noisy, dark"),
         ("camera:front=blak@4", "a camera is no 'blak', did you mean 'black'?"),
@@ -377,7 +381,7 @@ def injected(stage: Stage) -> list[tuple[str, int]]:
     return [(fault.spec, fault.action) for fault in stage.recorder.of(FaultInjected)]
 
 
-@pytest.mark.parametrize("way", [way for way in KINDS["camera"].ways if way != "no-depth"])
+@pytest.mark.parametrize("way", [way for way in KINDS["camera"].ways if way not in ("no-depth", "moved")])
 def test_a_camera_fails_in_its_span_and_no_longer(way: str) -> None:
     world = FakeWorld({"a": "p"}, ["p"])
     world.cameras = {"front": seen, "side": seen}
@@ -451,6 +455,52 @@ def test_depth_fails_with_its_camera(way: str) -> None:
     world.advance(3.0)
     faults.before_action(2, pick("a", "p"))
     assert np.array_equal(through.observe().depth["front"], rising(world))
+
+
+class Shelf(FakeWorld):
+    """A world whose cameras can be moved."""
+
+    def __init__(self) -> None:
+        super().__init__({"a": "p"}, ["p"])
+        self.cameras = {"front": seen, "side": seen}
+        self.moves: list[tuple[str, float]] = []
+        self.now_moved: set[str] = set()
+
+    def scenery(self) -> Scenery:
+        return Scenery((), tuple(Camera(name, (0.0,) * 7, 1.0, 60, 40) for name in self.cameras))
+
+    def move_camera(self, camera: str, by: FloatArray) -> None:
+        away = float(np.linalg.norm(by))
+        self.moves.append((camera, away))
+        (self.now_moved.add if away else self.now_moved.discard)(camera)
+
+    def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
+        assert self.now_moved == self.expected
+        return super().observe(cause, cameras)
+
+    expected: frozenset[str] = frozenset()
+
+
+def test_a_camera_that_was_moved_stands_elsewhere_while_it_looks_and_no_longer() -> None:
+    world = Shelf()
+    reports: list[FaultInjected] = []
+    faults = FaultInjector([parse_fault("camera:front=moved@1")], world)
+    faults.begin(reports.append)
+    through, sensed = faulty_world(world, faults), faulty_sensing(world, world.observe, faults)
+    through.observe()
+    faults.before_action(1, pick("a", "p"))
+    world.expected = frozenset({"front"})
+    through.observe()
+    sensed()
+    assert not world.now_moved
+    away = [length for _, length in world.moves if length]
+    assert {camera for camera, _ in world.moves} == {"front"}
+    assert all(0.01 <= length <= 0.03 for length in away)
+    assert len(set(away)) == 1, "it stays where it was moved to"
+    assert [report.detail for report in reports] == ["front: moved"]
+    faults.before_action(2, pick("a", "p"))
+    world.expected = frozenset()
+    through.observe()
 
 
 def test_a_camera_that_measures_no_depth_shows_its_picture_and_is_reported_where_it_measured_any() -> None:

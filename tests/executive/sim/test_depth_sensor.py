@@ -103,7 +103,7 @@ def test_measuring_depth_changes_nothing_else() -> None:
         assert not one.depth
         assert other.depth
         assert all(np.array_equal(one.images[name], other.images[name]) for name in one.images)
-        assert np.array_equal(plain.locate("lemon"), deep.locate("lemon"))
+        assert np.array_equal(plain.pose("lemon"), deep.pose("lemon"))
         plain.settle(0.05)
         deep.settle(0.05)
 

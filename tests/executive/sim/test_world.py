@@ -14,7 +14,7 @@ from executive.protocols import Estimator, Simulator, World
 from executive.sim import placement, scene
 from executive.sim.truth import Oracle, Truth
 from executive.sim.world import MujocoWorld
-from executive.types import Atom, Frame, Observation
+from executive.types import Atom, FloatArray, Frame, Observation
 from tests.contracts import EstimatorContract, SimulatorContract
 from tests.executive.sim.stage import ITEMS, MEANING, OBJECTS, SCENE, TABLES, grocery
 
@@ -73,16 +73,22 @@ def test_declared_places_are_kept() -> None:
         grocery(0, placed={"lemon": "milk-carton"})
 
 
+def located(world: MujocoWorld) -> FloatArray:
+    pose = world.locate("lemon")
+    assert pose is not None
+    return pose
+
+
 def test_restored_world_goes_on_as_the_saved_one(world: MujocoWorld) -> None:
     saved = world.snapshot()
     world.command_gripper(1.0)
     world.settle(0.5)
-    first, located = world.data.qpos.copy(), world.locate("lemon")
+    first, there = world.data.qpos.copy(), located(world)
     world.restore(saved)
     world.command_gripper(1.0)
     world.settle(0.5)
     assert np.array_equal(world.data.qpos, first)
-    assert np.array_equal(world.locate("lemon"), located)
+    assert np.array_equal(located(world), there)
     world.restore(saved)
 
 
@@ -148,11 +154,11 @@ def test_a_dropping_gripper_opens_and_obeys_again(world: MujocoWorld) -> None:
 
 
 def test_a_miss_misleads_once(world: MujocoWorld) -> None:
-    right = world.locate("lemon")
+    right = located(world)
     world.disturb("miss", np.random.default_rng(0))
-    wrong = world.locate("lemon")
+    wrong = located(world)
     assert np.linalg.norm(wrong[:2] - right[:2]) == pytest.approx(0.075)
-    assert np.array_equal(world.locate("lemon"), right)
+    assert np.array_equal(located(world), right)
 
 
 def test_a_shove_moves_one_item_to_another_free_place() -> None:

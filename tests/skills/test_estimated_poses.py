@@ -1,0 +1,117 @@
+"""Skills on poses that are estimated by depth: the simulator tells them nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import pytest
+
+from executive.app.config import DEPTH, RunConfig
+from executive.app.localizer import open_localizer
+from executive.app.run import Run
+from executive.sim.world import MujocoWorld
+from executive.trace.record.log import read_events
+from executive.types import FaultInjected, Observation, OutcomeKind, PosesEstimated, SkillStatus
+from tests.executive.sim.stage import TABLES, grocery
+from tests.skills.test_skills import Robot
+
+
+def seeing(seed: int, *items: str, **options: int) -> Robot:
+    """A robot that has nothing but its cameras to find items by."""
+    world = grocery(seed, items, depth=True, **options)
+    world.localizer = open_localizer(world)
+    return Robot(world)
+
+
+def silenced(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Has the simulator refuse to say where anything is, until what is returned is called."""
+
+    def refuse(*_: object) -> NoReturn:
+        raise AssertionError("the simulator is asked where something is")
+
+    for name in ("pose", "poses", "gripped", "touched_by"):
+        monkeypatch.setattr(MujocoWorld, name, refuse)
+    return monkeypatch.undo
+
+
+def test_an_item_is_taken_and_put_down_by_depth_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = seeing(20, "bread-loaf", "lemon")
+    source = robot.table_of("bread-loaf")
+    target = next(table for table in TABLES if table != source)
+    speak = silenced(monkeypatch)
+    picked, placed = robot.pick("bread-loaf", source), robot.place("bread-loaf", target)
+    speak()
+    assert (picked.status, placed.status) == (SkillStatus.DONE, SkillStatus.DONE)
+    assert robot.so(f"on-table(bread-loaf,{target})")
+    told = [news for news in robot.said if isinstance(news, PosesEstimated)]
+    assert len(told) >= 3
+    assert any(news.poses["bread-loaf"].source == "held" for news in told)
+    assert told[-1].poses["bread-loaf"].source == "seen"
+    assert np.linalg.norm(told[-1].poses["bread-loaf"].pose[:3] - robot.world.pose("bread-loaf")[:3]) < 0.01
+
+
+def test_what_is_seen_nowhere_is_not_there() -> None:
+    robot = seeing(20, "bread-loaf", "lemon")
+    source = robot.table_of("lemon")
+    robot.world.put("lemon", np.array([0.0, 0.0, 30.0, 1.0, 0.0, 0.0, 0.0]))
+    assert robot.pick("lemon", source).status is SkillStatus.NOT_THERE
+
+
+def test_who_misses_looks_again() -> None:
+    robot = seeing(20, "lemon")
+    robot.world.disturb("miss", np.random.default_rng(0))
+    assert robot.pick("lemon", robot.table_of("lemon")).status is SkillStatus.DONE
+    assert robot.phases().count("grip") == 2
+    assert robot.so("robot-gripping(lemon)")
+
+
+def test_what_is_unknown_is_in_the_way() -> None:
+    robot = seeing(20, "lemon", blockings=1)
+    table = next(table for table in TABLES if table != robot.table_of("lemon"))
+    before = robot.world.obstacles()
+    robot.world.disturb("block", np.random.default_rng(0), table=table)
+    robot.world.settle(0.5)
+    now = robot.world.obstacles()
+    assert set(before) == {"lemon"}
+    boxes = [now[name] for name in now if name in robot.world.handle.unknown]
+    middle = np.array(next(each.centre for each in robot.world.spec.tables if each.name == table))
+    assert boxes
+    for box in boxes:
+        assert np.abs(box[:2] - middle[:2]).max() < 0.3
+    for name in robot.world.boxes:
+        there = robot.world.pose(name)[:3]
+        if abs(there[2] - middle[2]) < 0.3:
+            assert min(np.abs(box[:3] - there).max() for box in boxes) < 0.08, f"{name} stands free"
+
+
+@pytest.mark.parametrize("estimator", ["oracle", pytest.param("vlm", marks=pytest.mark.slow)])
+def test_a_whole_run_by_depth_alone(estimator: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a model that looks, truth is told for the score alone; the oracle is asked for atoms and nothing else."""
+    config = RunConfig(
+        "grocery", "one-item", estimator=estimator, poses=DEPTH, runs=tmp_path, viewer=False,
+        faults=("camera:black=no-depth@1-", "camera:wood=moved@0-"),
+    )  # fmt: skip
+    with Run(config) as prepared:
+        speak = silenced(monkeypatch)
+        if estimator == "vlm":
+            monkeypatch.setattr(type(prepared.truth), "of", MujocoWorld.pose)
+        prepared.executive.run()
+        speak()
+        goal = prepared.domain.task.goal
+        assert goal.truth(prepared.truth.of(prepared.domain.task.atoms)) is True
+        folder = prepared.folder
+    payloads = [event.payload for event in read_events(folder)]
+    assert payloads[-1].outcome is OutcomeKind.GOAL_REACHED  # type: ignore[union-attr]
+    told = [payload for payload in payloads if isinstance(payload, PosesEstimated)]
+    assert told
+    assert all("wood" in news.left_out for news in told)
+    assert {fault.detail for fault in payloads if isinstance(fault, FaultInjected)} == {
+        "black: no-depth",
+        "wood: moved",
+    }
+    first, *_, last = [payload for payload in payloads if isinstance(payload, Observation)]
+    assert "black" in first.depth
+    assert "black" not in last.depth
