@@ -197,29 +197,6 @@ def print_summary(summary: Summary, run: Path | str, stream: TextIO) -> None:
             console.print(Text(f"{label if index == 0 else '':<{_LABEL}}", "dim") + line, soft_wrap=True)
 
 
-def print_runs(summaries: Sequence[Summary], stream: TextIO, labels: Sequence[str] = ()) -> None:
-    """A table with one line a run, and how many reached their goal; `labels` stand before the lines."""
-    from rich.table import Table
-
-    from executive.trace.terminal.console import console_for
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    columns = ("problem", "seed", "estimator", "outcome", "true", "actions", "replans", "looks", "faults", "sim s")
-    for column in ((" ",) if labels else ()) + columns:
-        table.add_column(column, justify="left" if column in (" ", "problem", "estimator", "outcome") else "right")
-    for index, each in enumerate(summaries):
-        counts = (str(each[key]) for key in ("actions", "replans", "looks"))
-        cells = (each["problem"], str(each["seed"]), each["estimator"], each["outcome"], _said(each["goal_true"]))
-        end = (str(len(each["faults"])), f"{each['sim_seconds']:.1f}")
-        table.add_row(*((labels[index],) if labels else ()), *cells, *counts, *end)
-    console = console_for(stream)
-    if not console.is_terminal:
-        console.width = 200  # nothing is cut off in a pipe
-    console.print(table)
-    reached = sum(each["goal_true"] is True for each in summaries)
-    console.print(f"{reached} of {len(summaries)} reached their goal")
-
-
 def _outcome(summary: Summary) -> Text:
     from rich.text import Text
 

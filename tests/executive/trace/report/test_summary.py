@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,6 @@ from hypothesis import strategies as st
 from executive.trace.report.summary import (
     SUMMARY_FILE,
     Collector,
-    print_runs,
     print_summary,
     summarise,
     write_summary,
@@ -125,16 +123,3 @@ def test_a_path_that_the_shell_would_split_is_quoted() -> None:
     stream = io.StringIO()
     print_summary(summarise(synthetic_events()), "my runs/a", stream)
     assert stream.getvalue().splitlines()[-1].endswith("executive inspect 'my runs/a'")
-
-
-def test_many_runs_are_a_table_with_nothing_cut_off() -> None:
-    stream = io.StringIO()
-    runs = [summarise(synthetic_events(), goal_true=true) for true in (True, False, None)]
-    print_runs(runs, stream, labels=["oracle", "none", "again"])
-    *table, last = stream.getvalue().splitlines()
-    assert last == "1 of 3 reached their goal"
-    assert all(a.rstrip() for a in table)
-    assert len(table) == 4
-    assert all(word in table[1] for word in ("oracle", "breakfast", "goal-reached", "yes", "22.4"))
-    assert [row.index("breakfast") for row in table[1:]] == [table[0].index("problem")] * 3
-    assert all(len(a) == len(b) for a, b in pairwise([row.rstrip() for row in table]))
