@@ -226,7 +226,7 @@ def as_toml(config: Configuration) -> str:
         if value is not None and name not in tables
     ]
     for name, table in tables.items():
-        lines += ["", f"[{name}]", *as_toml(table).splitlines()]
+        lines += ["", f"[{name}]", as_toml(table).rstrip("\n")]
     return "\n".join(lines) + "\n"
 
 

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executive.cli import pool_options
 from executive.cli.app import NOT_REACHED, REACHED, SECONDS_TO_LEAVE, ctrl_c, one_line
+from executive.cli.options import with_options
+from executive.cli.pool_options import Jobs, PoolConfig
 from executive.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +24,9 @@ if TYPE_CHECKING:
     from executive.lab.common.process_pool import WorkerPool
 
 
+@with_options()
 def bench(
+    pool_config: PoolConfig,
     campaign: Annotated[
         Path | None, typer.Argument(help="A campaign's file, such as benchmarks/campaigns/grasp-drop.toml.")
     ] = None,
@@ -34,9 +37,7 @@ def bench(
     only: Annotated[list[str] | None, typer.Option(help="Only this configuration; repeat it for more.")] = None,
     seeds: Annotated[int | None, typer.Option(min=1, help="Only the first so many seeds.")] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Run failed episodes again.")] = False,
-    jobs: pool_options.Jobs = None,
-    engine: pool_options.Engine = "processes",
-    address: pool_options.Address = None,
+    jobs: Jobs = None,
     share_model: Annotated[
         bool | None,
         typer.Option(
@@ -62,8 +63,7 @@ def bench(
     if report is not None:
         return _report(report, as_json)
     assert campaign is not None
-    pool_options.check(engine, address)
-    if share_model is not None and engine == "ray":
+    if share_model is not None and pool_config.engine == "ray":
         key = "--share-model" if share_model else "--no-share-model"
         raise InputError("goes with --engine processes; with Ray, each process holds a model of its own", key=key)
 
@@ -87,8 +87,10 @@ def bench(
         if missing := work.missing(wanted):
             check(missing)
             limit = 60 * design.minutes
-            if engine == "ray":
-                opened: AbstractContextManager[WorkerPool[Episode, Row]] = RayPool(Simulated, jobs, limit, address)
+            if pool_config.engine == "ray":
+                opened: AbstractContextManager[WorkerPool[Episode, Row]] = RayPool(
+                    Simulated, jobs, limit, pool_config.address
+                )
             else:
                 opened = _processes(work.work, missing, jobs, limit, share_model)
             with (

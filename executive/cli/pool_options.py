@@ -2,48 +2,53 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from executive.errors import InputError, nearest
+from executive.app.options import Option, check
+from executive.errors import OptionError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from executive.lab.common.process_pool import J, V, Work, WorkerPool
 
-ENGINES = ("processes", "ray")
+ENGINES = MappingProxyType({"processes": "of this machine", "ray": "on a Ray cluster"})
 
 Jobs = Annotated[int | None, typer.Option(min=1, help="How many at a time; as many as there are cores if not given.")]
-Engine = Annotated[str, typer.Option(help="What runs the jobs: processes of this machine, or ray.")]
-Address = Annotated[str | None, typer.Option(help="Of a Ray cluster, for --engine ray.")]
 
 
-def check(engine: str, address: str | None) -> None:
-    """Checks the two options against each other.
-
-    Raises:
-        InputError: there is no such engine, or it has no address.
-    """
-    if engine not in ENGINES:
-        raise InputError(f"no engine {engine!r}; {nearest(engine, ENGINES)}", key="--engine")
-    if address is not None and engine != "ray":
-        raise InputError("goes with --engine ray", key="--address")
-
-
-def make_pool(
-    prepare: Callable[[], Work[J, V]], jobs: int | None, engine: str, address: str | None, **chosen: Any
-) -> WorkerPool[J, V]:
-    """The pool that runs the jobs; `chosen` are more arguments of `executive.lab.common.process_pool.ProcessPool`.
+@dataclass(frozen=True, slots=True)
+class PoolConfig:
+    """What runs the jobs.
 
     Raises:
-        MissingError: Ray is not installed.
-        ExecutiveError: Ray has no cluster there.
+        OptionError: there is no such engine, or it has no address.
     """
-    from executive.lab.common.process_pool import ProcessPool
-    from executive.lab.common.ray_pool import RayPool
 
-    if engine == "ray":
-        return RayPool(prepare, jobs, address=address)
-    return ProcessPool(prepare, jobs, **chosen)
+    engine: Annotated[str, Option("What runs the jobs: processes of this machine, or ray.", choices=ENGINES)] = (
+        "processes"
+    )
+    address: Annotated[str | None, Option("Of a Ray cluster, for --engine ray.")] = None
+
+    def __post_init__(self) -> None:
+        check(self)
+        if self.address is not None and self.engine != "ray":
+            raise OptionError("goes with `engine` ray", option="address")
+
+    def open(self, prepare: Callable[[], Work[J, V]], jobs: int | None, **chosen: Any) -> WorkerPool[J, V]:
+        """The pool that runs the jobs; `chosen` are more arguments of `executive.lab.common.process_pool.ProcessPool`.
+
+        Raises:
+            MissingError: Ray is not installed.
+            ExecutiveError: Ray has no cluster there.
+        """
+        from executive.lab.common.process_pool import ProcessPool
+        from executive.lab.common.ray_pool import RayPool
+
+        if self.engine == "ray":
+            return RayPool(prepare, jobs, address=self.address)
+        return ProcessPool(prepare, jobs, **chosen)

@@ -11,9 +11,10 @@ from typing import Annotated
 import typer
 
 from executive.app.config import EstimatorConfig
-from executive.cli import completion, pool_options
+from executive.cli import completion
 from executive.cli.app import NOT_REACHED, REACHED, SECONDS_TO_LEAVE, ctrl_c, one_line
 from executive.cli.options import DomainName, ProblemName, with_options
+from executive.cli.pool_options import PoolConfig
 from executive.errors import InputError
 from executive.lab.config import CollectConfig, EvalConfig, TrainConfig
 from executive.util.files import check_writable
@@ -69,12 +70,10 @@ def estimate(
 @with_options()
 def collect(
     config: CollectConfig,
-    engine: pool_options.Engine = "processes",
-    address: pool_options.Address = None,
+    pool_config: PoolConfig,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was collected as JSON.")] = False,
 ) -> int:
     """Collect pictures with ground truth, by random actions in the simulator (the paper's Appendix D)."""
-    pool_options.check(engine, address)
     from executive.util import requirements
 
     requirements.require()
@@ -87,9 +86,7 @@ def collect(
         ctrl_c(collection.cancel, SECONDS_TO_LEAVE) as interrupted,
         show_progress(sys.stderr) as watch,
     ):
-        manifest = collection.run(
-            watch, lambda: pool_options.make_pool(collection.player, config.jobs, engine, address)
-        )
+        manifest = collection.run(watch, lambda: pool_config.open(collection.player, config.jobs))
     if manifest is None:
         print(f"interrupted; finished episodes are kept, continue with: {config.command}", file=sys.stderr)
         return interrupted.code
@@ -100,6 +97,7 @@ def collect(
 @with_options()
 def evaluate(
     config: EvalConfig,
+    pool_config: PoolConfig,
     beside: Annotated[
         list[Path] | None, typer.Option(help="The folder of another evaluation, to show beside; repeat it for more.")
     ] = None,
@@ -107,12 +105,9 @@ def evaluate(
     jobs: Annotated[
         int | None, typer.Option(min=1, help="How many models look side by side; one if not given.")
     ] = None,
-    engine: pool_options.Engine = "processes",
-    address: pool_options.Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> int:
     """Measure a model's accuracy on collected pictures (Experiment 1 of the paper), and write a report."""
-    pool_options.check(engine, address)
     from executive.lab.common.progress import show_progress
     from executive.lab.evaluation import report as reporting
     from executive.lab.evaluation import store
@@ -122,13 +117,11 @@ def evaluate(
     others = [store.load(folder) for folder in beside or ()]
     again = shlex.join([*shlex.split(config.command), *(["--out", str(out)] if out is not None else [])])
     folder = out or store.default_folder(config)
-    side_by_side = jobs or (1 if engine == "processes" else None)
+    side_by_side = jobs or (1 if pool_config.engine == "processes" else None)
     with store.claimed(folder, again), Evaluator(config, _warn) as evaluator:
         with (
             ctrl_c(evaluator.cancel, SECONDS_TO_LEAVE) as interrupted,
-            pool_options.make_pool(
-                evaluator.looker, side_by_side, engine, address, single_threaded=(side_by_side or 0) > 1
-            ) as pool,
+            pool_config.open(evaluator.looker, side_by_side, single_threaded=(side_by_side or 0) > 1) as pool,
         ):
             with waiting(sys.stderr, "loading the model"):
                 opened = evaluator.open(pool)

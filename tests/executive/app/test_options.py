@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from executive import cli
@@ -60,6 +60,7 @@ def assembled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[RunConfig
 
 
 @given(config=RUNS)
+@example(config=RunConfig("\x85\x7f", eye=EstimatorConfig("\u2028\x85\n\U00010000")))
 def test_a_configuration_is_read_as_it_was_written(config: RunConfig, tmp_path_factory: pytest.TempPathFactory) -> None:
     file = tmp_path_factory.mktemp("run") / CONFIG
     file.write_text(as_toml(config), encoding="utf-8")
