@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -38,7 +39,7 @@ try:
         validator.skip_checks = True  # it says of costs that it does not know them; they are not what it judges
         result = validator.validate(problem, plan)
 except Exception as error:
-    print("unread", type(error).__name__, str(error).splitlines()[0] if str(error) else "")
+    print("unread", type(error).__name__, str(error)[:100].replace("\\n", " "))
 else:
     print("valid" if result else "invalid")
 """
@@ -77,9 +78,14 @@ def _judged(files: Sequence[str], lines: Sequence[str]) -> str:
     if not lines:  # its reader takes no empty plan
         return "empty"
     with tempfile.TemporaryDirectory() as name:
-        file = Path(name) / "plan"
+        file, problem = Path(name) / "plan", Path(name) / "problem.pddl"
         file.write_text("\n".join(lines) + "\n")
-        command = [sys.executable, "-c", _VALIDATE, *files, str(file)]
+        text, counted = Path(files[1]).read_text(), re.compile(r"\(\s*=\s*\(\s*total-cost\s*\)", re.I)
+        if "total-cost" in Path(files[0]).read_text().lower() and not counted.search(text):
+            # Costs are counted from 0; unified-planning wants to be told.
+            text = re.sub(r"\(\s*:init", "(:init (= (total-cost) 0)", text, count=1, flags=re.I)
+        problem.write_text(text)
+        command = [sys.executable, "-c", _VALIDATE, files[0], str(problem), str(file)]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=120)
         except subprocess.TimeoutExpired:

@@ -52,8 +52,8 @@ class _Search:
     text: str
 
 
-_GREEDY = _Search("lazy_greedy(ff())", "let(relaxed, {ff}, lazy_greedy([relaxed], preferred=[relaxed]))")
-_LAMA = _Search(
+GREEDY = _Search("lazy_greedy(ff())", "let(relaxed, {ff}, lazy_greedy([relaxed], preferred=[relaxed]))")
+LAMA = _Search(
     "lama-first",
     "let(landmarks, {landmarks}, let(relaxed, {ff},"
     " lazy_greedy([relaxed, landmarks], preferred=[relaxed, landmarks], reopen_closed=false)))",
@@ -67,11 +67,11 @@ deterministic."""
 _LEAST = "eager_greedy([lmcut()], bound=0)"
 """Works out one heuristic value and ends: no state is worth going on from."""
 
-_EVALUATORS = {
+EVALUATORS = {
     "ff": "ff()",
     "landmarks": "landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=false)",
 }
-_WITH_COSTS = {name: f"eval_modify_costs({text}, cost_type=plusone)" for name, text in _EVALUATORS.items()}
+_WITH_COSTS = {name: f"eval_modify_costs({text}, cost_type=plusone)" for name, text in EVALUATORS.items()}
 """Where actions have costs, a greedy search takes each to cost one more, so that many free ones do not lead astray."""
 
 _FEW = 100
@@ -223,11 +223,11 @@ class _Question:
             return self._search(best)
         if best is _LMCUT and len(self._task) <= _FEW:
             found = self._search(best, 0.5)
-            return self._search(_LAMA) if _failed(found) else found
-        first = self._search(_GREEDY, 0.2)
+            return self._search(LAMA) if _failed(found) else found
+        first = self._search(GREEDY, 0.2)
         if not isinstance(first, NoPlan):
             return self._bettered(first, best)
-        found = self._search(_LAMA, 0.8 if self._axioms else 1.0) if _failed(first) else first
+        found = self._search(LAMA, 0.8 if self._axioms else 1.0) if _failed(first) else first
         return self._search(_BLIND) if self._axioms and _failed(found) else found
 
     def _bettered(self, first: _Found, best: _Search) -> _Found:
@@ -242,7 +242,7 @@ class _Question:
                 if not isinstance(found, NoPlan):
                     return found
         if self._expanded <= _EASY:
-            others = [self._search(_LAMA, 0.25)]
+            others = [self._search(LAMA, 0.25)]
         return min([first, *(other for other in others if not isinstance(other, NoPlan))], key=_cost)
 
     def _search(self, way: _Search, share: float = 1.0) -> _Found | NoPlan:
@@ -251,7 +251,7 @@ class _Question:
         if left <= 0:
             return NoPlan(NoPlanReason.TIMED_OUT)
         try:
-            text = way.text.format(**(_WITH_COSTS if self._task.costs else _EVALUATORS))
+            text = way.text.format(**(_WITH_COSTS if self._task.costs else EVALUATORS))
             answer = self._file.search(text, left * share)
         except (OSError, ValueError) as error:
             return NoPlan(NoPlanReason.CRASHED, f"{type(error).__name__}: {error}")
