@@ -8,6 +8,7 @@ without those at the problem at hand. The plain threshold acts on each answer by
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -203,21 +204,24 @@ def rows(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> It
         for line in kept.read_text(encoding="utf-8").splitlines():
             row = Row(**json.loads(line))
             done[row.model, row.split, row.problem, row.seed, row.monitor] = row
-    for model in dict.fromkeys(run.model for run in runs):
+    models = list(dict.fromkeys(run.model for run in runs))
+    # A run of every problem of every model comes before another seed, so that what was played so far says something.
+    for seed, monitor, model in itertools.product(range(seeds), (WHOLE, PLAIN), models):
         own = sorted((run for run in runs if run.model == model and run.looks), key=lambda run: run.unit)
-        fitted = habits([run.looks for run in own[::2]])
         for run in own:
-            drawn = habits([other.looks for other in own[1::2] if other.unit != run.unit])
-            elsewhere = fitted if run not in own[::2] else habits([r.looks for r in own[::2] if r.unit != run.unit])
-            for monitor in MONITORS:
-                for seed in range(seeds):
-                    key = (model, run.split, run.problem, seed, monitor)
-                    if key not in done:
-                        done[key] = play(run, tasks, elsewhere, drawn, monitor, seed)
-                        if kept is not None:
-                            with kept.open("a", encoding="utf-8") as file:
-                                file.write(json.dumps(asdict(done[key])) + "\n")
-                    yield done[key]
+            key = (model, run.split, run.problem, seed, monitor)
+            if key not in done:
+                fitted = _habits(own[::2], run.unit)
+                drawn = _habits(own[1::2], run.unit)
+                done[key] = play(run, tasks, fitted, drawn, monitor, seed)
+                if kept is not None:
+                    with kept.open("a", encoding="utf-8") as file:
+                        file.write(json.dumps(asdict(done[key])) + "\n")
+            yield done[key]
+
+
+def _habits(runs: Sequence[Run], unit: tuple[str, str]) -> Habits:
+    return habits([run.looks for run in runs if run.unit != unit])
 
 
 def measure(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> list[dict[str, Any]]:
