@@ -20,7 +20,19 @@ from pathlib import Path
 
 from benchmarks.speed.table import Row, machine, plot, printed
 
-ROWS = ("collision", "motion", "trajectory", "simulation", "picture", "look", "replan", "start", "task", "growth")
+ROWS = (
+    "collision",
+    "motion",
+    "trajectory",
+    "simulation",
+    "picture",
+    "look",
+    "belief",
+    "replan",
+    "start",
+    "task",
+    "growth",
+)
 """Each a module here with a function `measure`."""
 
 ON_REQUEST = ("coal",)

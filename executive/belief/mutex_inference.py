@@ -106,11 +106,14 @@ class MutexNetwork:
         members = [frozenset(position[atom] for atom in group.atoms) for group in self.groups]
         turns, seen = [], set[int]()
         order = _order(members)
+        turns_of: dict[int, list[int]] = {}
+        for turn, number in enumerate(order):
+            for index in members[number]:
+                turns_of.setdefault(index, []).append(turn)
         for turn, number in enumerate(order):
             picks = [] if self.groups[number].exact else [_Pick(_NONE, 0)]
             for index in sorted(members[number] - seen):
-                later = (bit for bit in range(turn + 1, len(order)) if index in members[order[bit]])
-                picks.append(_Pick(index, sum(1 << bit for bit in later)))
+                picks.append(_Pick(index, sum(1 << bit for bit in turns_of[index] if bit > turn)))
             seen |= members[number]
             turns.append(tuple(picks))
         object.__setattr__(self, "_picks_of", tuple(turns))
@@ -142,7 +145,7 @@ class MutexNetwork:
         true = set(self._traced(weight, edges) if best is None else best)
         for atom in self._ungrouped:
             marginal[atom] = _sigmoid(weight[atom])
-            log_total += max(weight[atom], 0.0) + math.log1p(math.exp(-abs(weight[atom])))
+            log_total += _softplus(weight[atom])
             if weight[atom] > 0:
                 true.add(atom)
         return Solution(
@@ -152,6 +155,18 @@ class MutexNetwork:
             math.fsum(weight[atom] for atom in true),
             approximate=best is not None,
         )
+
+    def log_total(self, weights: Mapping[Atom, float], max_frontier: int = MAX_FRONTIER) -> float:
+        """Return `solve(weights).log_total` alone, which is less work.
+
+        Raises:
+            ValueError: as `solve`.
+        """
+        weight = [float(weights.get(atom, 0.0)) for atom in self.atoms]
+        swept = self._sweep(weight, max_frontier) if all(map(math.isfinite, weight)) else None
+        if swept is None:
+            return self.solve(weights, max_frontier).log_total
+        return math.fsum((swept[0][-1][0], *(_softplus(weight[atom]) for atom in self._ungrouped)))
 
     def _picks(self, turn: int, taken: int) -> Iterator[_Pick]:
         """Yield the picks that a group has when the groups in `taken` are taken."""
@@ -270,27 +285,37 @@ _Swept: TypeAlias = tuple[list[dict[int, float]], list[list[_Edge]]]
 
 
 def _order(members: Sequence[frozenset[int]]) -> list[int]:
-    """Return an elimination order of the groups that keeps the frontier small: greedily, next comes the group after
-    which the fewest remaining groups share an atom with those before."""
+    """Return an elimination order of the groups that keeps the frontier small: greedily, of the groups before it and
+    next to it comes the one after which the fewest remaining groups share an atom with those before. A group that
+    overlaps with many, such as a gripper's, so comes after those."""
+    groups_of: dict[int, list[int]] = {}
+    for number, atoms in enumerate(members):
+        for atom in atoms:
+            groups_of.setdefault(atom, []).append(number)
     neighbours = [
-        frozenset(other for other, atoms in enumerate(members) if other != number and atoms & own)
-        for number, own in enumerate(members)
+        {other for atom in atoms for other in groups_of[atom]} - {number} for number, atoms in enumerate(members)
     ]
     order: list[int] = []
-    left, frontier = set(range(len(members))), set[int]()
+    left, frontier, near = set(range(len(members))), set[int](), set[int]()
     while left:
-        chosen = min(
-            sorted(frontier or left), key=lambda number: len((frontier | neighbours[number]) & left - {number})
-        )
+        candidates = near or left
+        chosen = min(sorted(candidates), key=lambda number: len(neighbours[number] - frontier) - (number in frontier))
         order.append(chosen)
         left.discard(chosen)
-        frontier = (frontier | neighbours[chosen]) & left
+        for other in neighbours[chosen]:
+            neighbours[other].discard(chosen)
+        frontier = (frontier | neighbours[chosen]) - {chosen}
+        near = (near | neighbours[chosen]).union(*(neighbours[other] for other in neighbours[chosen])) - {chosen}
     return order
 
 
 def _log_sum(values: Sequence[float]) -> float:
     most = max(values)
     return most + math.log(math.fsum(math.exp(value - most) for value in values))
+
+
+def _softplus(value: float) -> float:
+    return max(value, 0.0) + math.log1p(math.exp(-abs(value)))
 
 
 def _sigmoid(value: float) -> float:

@@ -40,7 +40,7 @@ class Weighted:
 
     @classmethod
     def of(cls, network: MutexNetwork, weights: Mapping[Atom, float]) -> Weighted:
-        return cls(network, weights, network.solve(weights).log_total)
+        return cls(network, weights, network.log_total(weights))
 
     def solve(self, evidence: Mapping[Atom, float]) -> Solution:
         found = self.network.solve({atom: weight + evidence.get(atom, 0.0) for atom, weight in self.weights.items()})

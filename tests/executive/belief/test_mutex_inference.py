@@ -50,10 +50,25 @@ def test_answers_are_those_of_counting_every_state(some: tuple[Group, ...], weig
     answer, counted = network(some).solve(weight), count(some, weight)
     assert not answer.approximate
     assert answer.log_total == pytest.approx(counted.log_total, abs=1e-9)
+    assert network(some).log_total(weight) == pytest.approx(counted.log_total, abs=1e-9)
     assert answer.marginal == pytest.approx(counted.marginal, abs=1e-9)
     assert answer.log_best == pytest.approx(counted.log_best, abs=1e-9)
     assert not network(some).violated(answer.best)
     assert answer.log_best == pytest.approx(math.fsum(weight[atom] for atom in answer.best), abs=1e-9)
+
+
+def test_a_group_that_overlaps_with_all_others_comes_after_them() -> None:
+    """A hand that may hold any of many things keeps no more than two combinations at a time."""
+    held = [Atom("held", (f"t{number}",)) for number in range(300)]
+    at = [[Atom("at", (f"t{number}", place)) for place in "ab"] for number in range(300)]
+    some = (
+        Group((Atom("free"), *held), exact=True),
+        *(Group((*own, hand)) for own, hand in zip(at, held, strict=True)),
+    )
+    many = MutexNetwork(tuple({atom for group in some for atom in group.atoms}), some)
+    answer = many.solve({held[7]: 5.0, Atom("free"): 1.0}, max_frontier=2)
+    assert not answer.approximate
+    assert held[7] in answer.best
 
 
 @given(groups, weights)
