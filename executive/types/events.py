@@ -96,6 +96,10 @@ class Ended(Caused):
     replans: int
     looks: int
 
+    def __post_init__(self) -> None:
+        if not self.causes:
+            raise ValueError("the end of a run has a cause")
+
 
 Payload: TypeAlias = (
     Started

@@ -7,7 +7,8 @@ lines that a decision hangs on also survive a power cut. A last line without its
 not part of the record.
 
 A decision and the end have their reasons as codes with parameters (`causes`) and in words (`reason`). Records from
-before there were codes have the words alone, and are read with the code `recorded`.
+before there were codes have the words alone, and are read with the code `recorded`; so is one with a code of a later
+release.
 
 What is for display alone (`Scenery`, `Frame`) is not recorded here, and of a motion at most `MOTION_POINTS` points.
 """
@@ -55,6 +56,7 @@ _ROOM, _LAST_EVENTS = ".room", 1 << 18
 """The file that keeps room, and its bytes."""
 _DECISIVE = (Started, Resumed, Decision, Ended)
 Picture = TypeVar("Picture", Image, DepthImage)
+_CODES = frozenset(Reason)
 _AGES = 1e9
 """Seconds: thirty years."""
 _STAMPS = {"cycle": int, "time": float, "wall": float}
@@ -233,7 +235,7 @@ def _event(line: bytes, folder: Path, images: bool) -> Event:
             pictures = _pictures("images", data.get("images", {}), IMAGES_FOLDER, folder, read_picture)
             depth = _pictures("depth", data.get("depth", {}), DEPTH_FOLDER, folder, read_depth)
         data = {**data, "images": {}, "depth": {}}
-    if kind in (Decision, Ended) and isinstance(data, dict) and "causes" not in data:
+    if kind in (Decision, Ended) and isinstance(data, dict) and not _has_codes(data.get("causes")):
         data = {**data, "causes": _in_words(data)}
     payload = decode(kind, data)
     if pictures or depth:
@@ -251,6 +253,14 @@ def _renamed(event: Event) -> Event:
     if isinstance(payload, Decision | Ended) and payload.outcome is OutcomeKind.GOAL_REACHED:
         return replace(event, payload=replace(payload, outcome=OutcomeKind.PLAN_COMPLETED))
     return event
+
+
+def _has_codes(causes: JsonValue) -> bool:
+    """Return whether causes are recorded, with codes that are known: a later release may have more."""
+    if not isinstance(causes, list):
+        return causes is not None
+    codes = (each.get("code") for each in causes if isinstance(each, dict))
+    return all(isinstance(code, str) and code in _CODES for code in codes)
 
 
 def _in_words(data: Mapping[str, JsonValue]) -> JsonValue:
