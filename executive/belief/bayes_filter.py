@@ -24,7 +24,7 @@ from typing import NamedTuple
 from executive.belief.action_model import ActionModel, Chances, affected, skill_evidence, with_effects
 from executive.belief.interface import Judgement, Thresholds
 from executive.belief.last_known import LastKnown
-from executive.belief.mutex_inference import MutexNetwork
+from executive.belief.mutex_inference import Group, MutexNetwork
 from executive.belief.priors import Listed, Prior, Weighted, predict
 from executive.belief.priors import posterior as listed_posterior
 from executive.belief.sensor_model import LEAST_EVIDENCE, PastEvidence, SensorModel
@@ -116,6 +116,7 @@ class BayesMonitor:
     space: StateSpace | None = None
     _uniform: Mapping[Atom, float] = field(init=False, repr=False)
     _partners: Mapping[Atom, frozenset[Atom]] = field(init=False, repr=False)
+    _clusters: Mapping[Atom, tuple[tuple[Group, ...], ...]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         groups_of = self.network.groups_of
@@ -124,6 +125,10 @@ class BayesMonitor:
             for atom in self.network.atoms
         }
         object.__setattr__(self, "_partners", partners)
+        clusters = {
+            atom: found for atom, groups in groups_of.items() if len(found := _clustered(atom, groups)) < len(groups)
+        }
+        object.__setattr__(self, "_clusters", clusters)
         object.__setattr__(self, "_uniform", self.network.solve({}).marginal)
         if self.space is not None and self.space.atoms != self.network.atoms:
             raise ValueError("the listed states are about other atoms than the mutex groups")
@@ -251,7 +256,8 @@ class BayesMonitor:
 
     def _weighted(self, marginal: Mapping[Atom, float]) -> Weighted:
         """Return the distribution over states with these marginals, in Bethe form: the product over groups of the
-        probability of the group's true atom (or of none), divided by the surplus factors of shared atoms."""
+        probability of the group's true atom (or of none), divided by the surplus factors of shared atoms. Groups that
+        share several atoms count as one: divided by each of these, what is improbable would become probable."""
         clipped = {atom: min(1.0 - _EDGE, max(_EDGE, value)) for atom, value in marginal.items()}
         none = {
             group: 0.0 if group.exact else math.log(max(_EDGE, 1.0 - math.fsum(clipped[atom] for atom in group.atoms)))
@@ -260,8 +266,11 @@ class BayesMonitor:
         weights = {}
         for atom, groups in self.network.groups_of.items():
             log_true, log_false = math.log(clipped[atom]), math.log1p(-clipped[atom])
-            weights[atom] = math.fsum(log_true - none[group] for group in groups)
-            weights[atom] += (1 - len(groups)) * (log_true - log_false)
+            clusters = self._clusters.get(atom) or tuple((group,) for group in groups)
+            weights[atom] = math.fsum(
+                log_true - math.fsum(none[group] for group in cluster) / len(cluster) for cluster in clusters
+            )
+            weights[atom] += (1 - len(clusters)) * (log_true - log_false)
         return Weighted.of(self.network, weights)
 
     def _evidence(self, memory: BeliefState) -> dict[Atom, float]:
@@ -363,3 +372,14 @@ class BayesMonitor:
 def _log_odds(probability: float) -> float:
     clipped = min(1.0 - _EDGE, max(_EDGE, probability))
     return math.log(clipped / (1.0 - clipped))
+
+
+def _clustered(atom: Atom, groups: Sequence[Group]) -> tuple[tuple[Group, ...], ...]:
+    """Return an atom's groups, those together that share another atom, too."""
+    found: list[tuple[set[Atom], list[Group]]] = []
+    for group in groups:
+        others = set(group.atoms) - {atom}
+        joined = [each for each in found if not each[0].isdisjoint(others)]
+        found = [each for each in found if each[0].isdisjoint(others)]
+        found.append((others.union(*(each[0] for each in joined)), [g for each in joined for g in each[1]] + [group]))
+    return tuple(tuple(members) for _, members in found)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from executive.belief.action_model import ActionModel, Chances
 from executive.belief.bayes_filter import BayesMonitor, BeliefState
 from executive.belief.interface import Judgement, Thresholds
-from executive.belief.mutex_inference import MutexNetwork
+from executive.belief.mutex_inference import Group, MutexNetwork
 from executive.belief.priors import Weighted
 from executive.belief.sensor_model import EXACT, ErrorModel, SensorModel
 from executive.types import Atom, Belief, Facts, SkillResult, SkillStatus, Step
@@ -296,3 +296,18 @@ def test_a_model_that_leans_the_same_way_cycle_after_cycle_is_not_believed_more_
 
 
 CUP = [atom for atom in ATOMS if atom.args and atom.args[0] == "cup"]
+
+
+def test_groups_that_share_several_atoms_keep_what_is_believed() -> None:
+    """Divided by each atom that they share, as by one, what is improbable would become probable."""
+    a, b, *others = (Atom(name) for name in "abcdefg")
+    groups = tuple(Group((a, b, other), exact=True) for other in others)
+    network = MutexNetwork((a, b, *others), groups)
+    filter_ = BayesMonitor(network, SensorModel(correlation_within=0.0))
+    memory, judged = filter_.looked(filter_.begin(), Belief(0, {a: 0.95, b: 0.05, **dict.fromkeys(others, 0.05)}), 0)
+    assert judged.state.true == {a}
+    for cycle in range(1, 6):
+        memory, judged = filter_.looked(filter_.acted(memory, None), Belief(cycle, {}), cycle)
+        assert judged.state.get(a) or judged.probability[a] > 0.5
+        assert judged.probability[b] < 0.5
+    assert BayesMonitor(MutexNetwork((a, b, *others), (groups[0], Group((a, *others[1:])))))._clusters == {}
