@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
@@ -16,6 +16,8 @@ from executive.types import NEVER, Atom, Condition, Effect, Facts, Step, Task
 
 CostTerm: TypeAlias = float | tuple[str, tuple[str, ...]]
 """A number, or a function over terms whose value `:init` gives."""
+
+_KEPT_STEPS = 4_096
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +140,14 @@ class Schema:
         """
         if name not in self.actions:
             raise ValueError(f"there is no action {name!r}")
+        return self._grounded(name, tuple(args))
+
+    @cached_property
+    def _grounded(self) -> Callable[[str, tuple[str, ...]], Step]:
+        """Plans repeat their steps, and to write out one with many conditional effects may take seconds."""
+        return lru_cache(_KEPT_STEPS)(self._ground)
+
+    def _ground(self, name: str, args: tuple[str, ...]) -> Step:
         action, shown = self.actions[name], f"{name}({','.join(args)})"
         kinds = [kind for _, kind in action.parameters]
         fits = len(args) == len(kinds) and all(
@@ -150,7 +160,7 @@ class Schema:
         precondition = self.grounding.condition(action.precondition, binding)
         if precondition == NEVER:
             raise ValueError(f"{shown} can never be carried out")
-        return Step(name, tuple(args), precondition, self._effects(action, binding), self._cost(action, binding))
+        return Step(name, args, precondition, self._effects(action, binding), self._cost(action, binding))
 
     def cost(self, name: str, args: Sequence[str]) -> float:
         """What the step `name(args)` costs.
