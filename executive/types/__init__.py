@@ -5,8 +5,9 @@ probability for each atom after a look, a *verdict* is the result of comparing a
 """
 
 from executive.types.actions import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
-from executive.types.conditions import ALWAYS, NEVER, Condition, DerivedRules
+from executive.types.conditions import ALWAYS, NEVER, Condition
 from executive.types.decisions import Cause, Decision, DecisionKind, Ground, OutcomeKind, Reason
+from executive.types.derived import DerivedRules
 from executive.types.events import (
     Compared,
     Ended,

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from executive.types.conditions import ALWAYS, Condition, DerivedRules
+from executive.types.conditions import ALWAYS, Condition
+from executive.types.derived import DerivedRules
 from executive.types.facts import Atom, Facts
 
 
