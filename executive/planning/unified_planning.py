@@ -22,6 +22,10 @@ _PROCESS = Path(__file__).with_name("engine_process.py")
 _SECONDS_TO_CHECK = 60.0
 
 
+_EXTRAS = {"enhsp": "executive[numeric]", "enhsp-opt": "executive[numeric]"}
+"""Planners that an extra of ours brings."""
+
+
 class UnifiedPlanner:
     """Plans for one task with an engine of unified-planning, from any of the task's states.
 
@@ -109,7 +113,8 @@ class UnifiedPlanner:
         if self.name not in installed:
             if answer["known"]:
                 message = f"planner {self.name} is not installed; installed: {', '.join(installed)}"
-                raise MissingError(message, command=f"pip install unified-planning[{self.name.partition('-')[0]}]")
+                package = _EXTRAS.get(self.name) or f"unified-planning[{self.name.partition('-')[0]}]"
+                raise MissingError(message, command=f"pip install {package}")
             raise InputError(f"no planner {self.name!r}; {nearest(self.name, installed)}", key="--planner")
         if lacking := answer.get("lacking"):
             features = ", ".join(feature.lower().replace("_", " ") for feature in lacking)

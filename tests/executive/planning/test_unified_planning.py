@@ -65,7 +65,7 @@ def test_a_feature_that_an_engine_does_not_take_is_named() -> None:
 
 
 def test_what_is_not_installed_is_refused_by_name_with_what_is(breakfast: Schema) -> None:
-    with pytest.raises(MissingError, match=r"enhsp is not installed; installed: .*fast-downward-opt.*\[enhsp\]"):
+    with pytest.raises(MissingError, match=r"enhsp is not installed; installed: .*fast-downward-opt.*\[numeric\]"):
         UnifiedPlanner(breakfast, "enhsp")
     with pytest.raises(InputError, match="'fast-downwart'; did you mean 'fast-downward'"):
         UnifiedPlanner(breakfast, "fast-downwart")
