@@ -42,13 +42,14 @@ class SasTask:
     conditional effects or axioms.
 
     `number` has the variable of each atom, which is 0 where the atom is true and 1 where it is false; `derived` are the
-    atoms that axioms compute.
+    atoms that axioms compute. `others` are variables that are 0 in every state: of atoms that are true and static.
     """
 
     def __init__(self) -> None:
         self.number: dict[Atom, int] = {}
         self.derived: frozenset[Atom] = frozenset()
         self.variables: list[str] = []
+        self.others: frozenset[int] = frozenset()
         self.highest_layer = -1
         self.costs = False
         self.scale = 1
@@ -82,6 +83,8 @@ class SasTask:
         for atom in true:
             if atom in self.number and atom not in self.derived:
                 state[self.number[atom]] = "0"
+        for number in self.others:
+            state[number] = "0"
         goals: list[str] = []
         for atom in order:
             if atom in self.number:

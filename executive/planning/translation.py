@@ -114,8 +114,8 @@ class TranslatedTask(SasTask):
         operators = [operator for operator in self._operators if operator.name not in left_out]
         rules = self._rules
         state = [1] * len(self.variables)
-        for atom in true:
-            state[self.number[atom]] = 0
+        for number in (*(self.number[atom] for atom in true), *self.others):
+            state[number] = 0
         if not self._reachability.open(state):
             reached = self._reachability.reached(state)
             operators = [left for each in operators if (left := each.simplified(reached)) is not None]
@@ -134,7 +134,8 @@ class TranslatedTask(SasTask):
         """Take over what the translator wrote (version 3 of its format)."""
         front, _, tail = sas.partition("\nbegin_state\n")
         self.variables, self.number, self.highest_layer = [], {}, -1
-        derived = set()
+        derived, others = set(), set()
+        values = sas.partition("\nbegin_state\n")[2].partition("\nend_state")[0].split()
         for text in _blocks(front, "variable"):
             _begin, _name, layer, _size, value, *_ = text.split("\n")
             atom = self._text.atom(value)
@@ -142,9 +143,11 @@ class TranslatedTask(SasTask):
                 self.number[atom] = len(self.variables)
                 if layer != "-1":
                     derived.add(atom)
+            elif layer == "-1" and values[len(self.variables)] == "0":
+                others.add(len(self.variables))
             self.highest_layer = max(self.highest_layer, int(layer))
             self.variables.append(text)
-        self.derived = frozenset(derived)
+        self.derived, self.others = frozenset(derived), frozenset(others)
         _state, _, tail = tail.partition("\nend_goal\n")
         shared, costs = list(range(2 * len(self.variables))), list[float]()
         self._operators = []

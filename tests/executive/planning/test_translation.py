@@ -229,3 +229,20 @@ def test_a_translator_that_fails_or_takes_too_long_is_told_apart(
     broken = FastDownwardPlanner(schema).plan(declared(schema), schema.task.goal)
     assert isinstance(broken, NoPlan)
     assert (broken.reason, "translator failed" in broken.detail) == (NoPlanReason.CRASHED, True)
+
+
+TORCHES = """(define (domain torches) (:requirements :adl)
+  (:predicates (lit ?t) (beside ?a ?b) (wet ?t))
+  (:action pass-on :parameters (?a ?b) :precondition (and (lit ?a) (beside ?a ?b) (imply (wet ?b) (not (wet ?a))))
+    :effect (and (lit ?b) (when (wet ?b) (not (wet ?b))))))"""
+
+
+def test_an_atom_that_never_changes_counts_though_others_of_its_predicate_do(tmp_path: Path) -> None:
+    init = "(:init (lit a) (beside a b) (beside b c))"
+    problem = f"(define (problem p) (:domain torches) (:objects a b c) {init} (:goal (lit c)))"
+    schema = task(tmp_path, TORCHES, problem)
+    assert Atom("lit", ("a",)) in schema.task.static, "nothing is beside it on the other side"
+    planner = FastDownwardPlanner(schema)
+    assert steps(planner.plan(declared(schema), schema.task.goal)) == ["pass-on(a,b)", "pass-on(b,c)"]
+    soaked = Facts({**declared(schema), Atom("wet", ("b",)): True})
+    assert steps(planner.plan(soaked, schema.task.goal)) == ["pass-on(a,b)", "pass-on(b,c)"]
