@@ -38,7 +38,7 @@ try:
     with environment.factory.PlanValidator(name="sequential_plan_validator") as validator:
         validator.skip_checks = True  # it says of costs that it does not know them; they are not what it judges
         result = validator.validate(problem, plan)
-except Exception as error:
+except Exception as error:  # its reader raises of many kinds what it does not take
     print("unread", type(error).__name__, str(error)[:100].replace("\\n", " "))
 else:
     print("valid" if result else "invalid")
