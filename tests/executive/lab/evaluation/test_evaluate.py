@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -442,12 +443,24 @@ def test_ctrl_c_says_so_and_keeps_the_looks_that_were_taken(
 
 
 def test_an_interruption_before_the_first_look_leaves_nothing(
-    data: Path, model: Any, tmp_path: Path, capsys: Any
+    data: Path, model: Any, tmp_path: Path, monkeypatch: Any
 ) -> None:
+    """Twice while the first look is under way. Never more often: an order that came after the end would kill pytest."""
+    acknowledged, first = threading.Event(), threading.Lock()
+    cancel = Evaluator.cancel
+
+    def acknowledge(evaluator: Evaluator) -> None:
+        cancel(evaluator)
+        acknowledged.set()
+
     def interrupt(number: int, atom: Atom, truth: bool) -> float | None:
-        os.kill(os.getpid(), signal.SIGTERM)
+        if first.acquire(blocking=False):
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert acknowledged.wait(60.0)
+            os.kill(os.getpid(), signal.SIGTERM)
         return None
 
+    monkeypatch.setattr(Evaluator, "cancel", acknowledge)
     assert run(data, model(interrupt), "--out", tmp_path / "made") == 128 + signal.SIGTERM
     assert not (tmp_path / "made").exists()
 
