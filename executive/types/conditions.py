@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from executive.types.facts import Atom, Facts
 
-_TOKEN = re.compile(r"\s*(?:([A-Za-z][\w\-]*\s*\([^()]*\))|([()])|([A-Za-z][\w\-]*))")
+_TOKEN = re.compile(r"\s*(?:([A-Za-z0-9_][\w\-]*\s*\([^()]*\))|([()])|([A-Za-z0-9_][\w\-]*))")
 _NOTHING = Facts()
 
 

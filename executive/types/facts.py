@@ -15,7 +15,7 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 Image: TypeAlias = npt.NDArray[np.uint8]
 DepthImage: TypeAlias = npt.NDArray[np.uint16]
 _T = TypeVar("_T")
-_NAME = r"[A-Za-z][A-Za-z0-9_\-]*"
+_NAME = r"[A-Za-z0-9_][A-Za-z0-9_\-]*"
 _ATOM = re.compile(rf"\s*({_NAME})\s*(?:\(\s*((?:{_NAME}(?:\s*,\s*{_NAME})*)?)\s*\))?\s*")
 
 
@@ -31,7 +31,7 @@ class Atom:
         object.__setattr__(self, "_hash", hash((self.predicate, self.args)))  # asked for millions of times in a run
         for name in (self.predicate, *self.args):
             if not re.fullmatch(_NAME, name):
-                raise ValueError(f"{name!r} is not a PDDL name (a letter, then letters, digits, '-' or '_')")
+                raise ValueError(f"{name!r} is not a PDDL name (a letter or digit, then letters, digits, '-' or '_')")
 
     def __hash__(self) -> int:
         return self._hash

@@ -12,7 +12,7 @@ from executive.errors import DomainError, nearest
 from executive.util.files import read_text
 
 _DEEPEST = 60
-_NAME = re.compile(r"[a-z][a-z0-9_\-]*")
+_NAME = re.compile(r"[a-z0-9_][a-z0-9_\-]*")
 _TOKEN = re.compile(r";.*|[()]|\?[^\s();?]*|[^\s();?]+")
 _RESERVED = frozenset(
     ["and", "or", "not", "imply", "exists", "forall", "when", "either", "define", "domain", "problem"]
@@ -114,7 +114,9 @@ class PddlFile:
         if form.word in _RESERVED:
             self.fail(form.line, f"{form} cannot be {what}: it is a word of PDDL itself")
         if not _NAME.fullmatch(form.word):
-            self.fail(form.line, f"{form} cannot be {what}: expected a letter, then letters, digits, '-' or '_'")
+            self.fail(
+                form.line, f"{form} cannot be {what}: expected a letter or digit, then letters, digits, '-' or '_'"
+            )
         return form.word
 
     def _parse(self) -> Form:

@@ -246,3 +246,17 @@ def test_an_atom_that_never_changes_counts_though_others_of_its_predicate_do(tmp
     assert steps(planner.plan(declared(schema), schema.task.goal)) == ["pass-on(a,b)", "pass-on(b,c)"]
     soaked = Facts({**declared(schema), Atom("wet", ("b",)): True})
     assert steps(planner.plan(soaked, schema.task.goal)) == ["pass-on(a,b)", "pass-on(b,c)"]
+
+
+def test_names_that_begin_with_a_digit_go_through_the_translator(tmp_path: Path) -> None:
+    (tmp_path / "d.pddl").write_text(
+        """(define (domain d) (:predicates (at ?p) (4-free ?p))
+        (:action go-2 :parameters (?p ?q) :precondition (and (at ?p) (4-free ?q))
+         :effect (and (at ?q) (not (at ?p)) (not (4-free ?q)) (4-free ?p))))"""
+    )
+    (tmp_path / "p.pddl").write_text(
+        "(define (problem p) (:domain d) (:objects 2 1st _x) (:init (at 2) (4-free 1st)) (:goal (at 1st)))"
+    )
+    schema = read_task(tmp_path / "d.pddl", tmp_path / "p.pddl")
+    planner = FastDownwardPlanner(schema)
+    assert steps(planner.plan(declared(schema), schema.task.goal)) == ["go-2(2,1st)"]

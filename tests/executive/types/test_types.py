@@ -27,7 +27,7 @@ from executive.types import (
     Verdict,
 )
 
-names = st.from_regex(r"[A-Za-z][A-Za-z0-9_\-]{0,6}", fullmatch=True)
+names = st.from_regex(r"[A-Za-z0-9_][A-Za-z0-9_\-]{0,6}", fullmatch=True)
 atoms = st.builds(Atom, names, st.lists(names, max_size=3).map(tuple))
 facts = st.dictionaries(atoms, st.booleans(), max_size=8).map(Facts)
 probabilities = st.floats(0.0, 1.0)
@@ -40,15 +40,13 @@ def test_an_atom_is_read_back_as_it_was_printed(atom: Atom) -> None:
     assert Atom.parse(spaced) == atom
 
 
-@pytest.mark.parametrize(
-    "text", ["", "(", "on(", "on)", "on(a", "on(a,)", "on(,a)", "1on(a)", "on(a b)", "on(a)(b)", "ön(a)"]
-)
+@pytest.mark.parametrize("text", ["", "(", "on(", "on)", "on(a", "on(a,)", "on(,a)", "on(a b)", "on(a)(b)", "ön(a)"])
 def test_what_is_no_atom_is_refused_with_its_text(text: str) -> None:
     with pytest.raises(ValueError, match="is not an atom such as"):
         Atom.parse(text)
 
 
-@pytest.mark.parametrize("name", ["", "1a", "a b", "a,b", "a(b"])
+@pytest.mark.parametrize("name", ["", "-a", "a b", "a,b", "a(b"])
 def test_an_atom_refuses_names_that_could_not_be_read_back(name: str) -> None:
     with pytest.raises(ValueError, match="PDDL name"):
         Atom(name)

@@ -187,3 +187,13 @@ def test_what_is_too_large_to_be_written_out_is_refused(tmp_path: Path) -> None:
     domain = f"(:predicates (p) (q ?a ?b)) (:action a :parameters (?x ?y) :precondition {body} :effect (not (q ?x ?y)))"
     with pytest.raises(DomainError, match=r"d\.pddl: line 1: action a has 12500001 conditions once written out"):
         read(tmp_path, domain, f"(:objects {names}) (:goal (p))")
+
+
+def test_names_may_begin_with_a_digit(tmp_path: Path) -> None:
+    domain = """(:types 2d-place)
+        (:predicates (at ?p - 2d-place) (4-free ?p - 2d-place))
+        (:action go :parameters (?p ?q - 2d-place) :precondition (and (at ?p) (4-free ?q))
+         :effect (and (at ?q) (not (at ?p)) (not (4-free ?q)) (4-free ?p)))"""
+    schema = read(tmp_path, domain, "(:objects 2 1st _x - 2d-place) (:goal (at 1st))", "(at 2) (4-free 1st)")
+    step = schema.ground("go", ("2", "1st"))
+    assert step.precondition == parsed("at(2)", "4-free(1st)")

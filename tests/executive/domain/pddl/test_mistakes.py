@@ -68,7 +68,7 @@ IN_DOMAIN = {
     "predicate twice": (
         "(robot-gripper-empty))\n  (:a", "(robot-gripper-empty) (robot-gripper-empty))\n  (:a", 7, "twice",
     ),
-    "a number for a predicate": ("(robot-gripping ?item - item)", "17", 6, "17 cannot be a predicate"),
+    "a sign in a name": ("(robot-gripping ?item - item)", "(grip&hold)", 6, "grip&hold cannot be a predicate"),
     "a reserved name": ("(robot-gripping ?item - item)", "(not ?item - item)", 6, "not cannot be a predicate"),
     "parameter without ?": ("(robot-gripping ?item - item)", "(robot-gripping item)", 6, "begins with '?'"),
     "action without a name": (":action pick", ":action", 9, "cannot be an action's name"),
