@@ -13,15 +13,16 @@ import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from benchmarks.viplan.recorded import Look, Run, Tasks
 from executive.app.assembly import make_executive
 from executive.belief import ActionModel, BayesMonitor, Monitor, MutexNetwork, SensorModel, StateSpace, ThresholdMonitor
+from executive.belief.action_model import process_noise
 from executive.belief.sensor_model import AnswerCounts, error_correlation
 from executive.core.settings import Settings
 from executive.domain.pddl import Schema
@@ -51,12 +52,27 @@ class Row:
     questions: int
 
 
-@dataclass(frozen=True, slots=True)
+Pairs: TypeAlias = "Counter[tuple[str, bool, bool]]"
+"""How often an answer about a predicate was wrong or not, and the next one about the same atom."""
+
+
+@dataclass(frozen=True, eq=False)
 class Habits:
     """How a model answers: its answers by predicate and truth, and by atom, and how often an answer is repeated."""
 
     counts: AnswerCounts
-    repeats: Mapping[str, float]
+    pairs: Pairs
+
+    @cached_property
+    def repeats(self) -> Mapping[str, float]:
+        """The correlation of the errors of repeated questions, by predicate."""
+        found: dict[str, Counter[tuple[bool, bool]]] = {}
+        for (name, first, second), number in self.pairs.items():
+            found.setdefault(name, Counter())[first, second] = number
+        return {name: error_correlation(own, CORRELATION) for name, own in found.items()}
+
+    def __sub__(self, other: Habits) -> Habits:
+        return Habits(self.counts - other.counts, self.pairs - other.pairs)
 
 
 def habits(looks: Sequence[Sequence[Look]]) -> Habits:
@@ -68,16 +84,16 @@ def habits(looks: Sequence[Sequence[Look]]) -> Habits:
         for atom, answer in look.answers.items()
         if answer.yes is not None
     )
-    repeats: dict[str, Counter[tuple[bool, bool]]] = {}
+    pairs: Pairs = Counter()
     for run in looks:
         last: dict[Atom, tuple[bool, bool]] = {}
         for look in run:
             for atom, answer in look.answers.items():
                 wrong = answer.yes is not answer.truth
                 if atom in last and last[atom][1] is answer.truth:
-                    repeats.setdefault(atom.predicate, Counter())[last[atom][0], wrong] += 1
+                    pairs[atom.predicate, last[atom][0], wrong] += 1
                 last[atom] = wrong, answer.truth
-    return Habits(counts, {name: error_correlation(found, CORRELATION) for name, found in repeats.items()})
+    return Habits(counts, pairs)
 
 
 class DrawnAnswers:
@@ -161,17 +177,40 @@ class ListedPlanner:
         return distance
 
 
-@cache
-def _problem(tasks: Tasks, key: tuple[str, str], run: Run) -> tuple[Schema, StateSpace, ListedPlanner]:
-    schema = tasks.schema(run)
-    space = StateSpace.reachable(schema.task.atoms, tuple(steps(schema)), schema.task.declared, schema.task.derived)
-    assert space is not None, "problems of this benchmark have few states"
-    return schema, space, ListedPlanner(schema, space)
+class Problem(NamedTuple):
+    """A task with what is worked out of its PDDL once, for all runs."""
+
+    schema: Schema
+    network: MutexNetwork
+    space: StateSpace
+    planner: ListedPlanner
 
 
-def play(run: Run, tasks: Tasks, fitted: Habits, drawn: Habits, monitor: str, seed: int) -> Row:
+class Problems:
+    """Works problems out, each when it is asked for. Those with the same states share them, with all that is known of
+    where actions lead from these."""
+
+    def __init__(self, tasks: Tasks) -> None:
+        self._tasks, self._known = tasks, dict[tuple[str, str], Problem]()
+        self._spaces: dict[bytes, tuple[StateSpace, MutexNetwork]] = {}
+
+    def of(self, run: Run) -> Problem:
+        if run.unit not in self._known:
+            schema = self._tasks.schema(run)
+            task, moves = schema.task, tuple(steps(schema))
+            space = StateSpace.reachable(task.atoms, moves, task.declared, task.derived)
+            assert space is not None, "problems of this benchmark have few states"
+            key = repr((space.atoms, moves)).encode() + space.packed.tobytes()
+            if key not in self._spaces:
+                self._spaces[key] = space, MutexNetwork(task.atoms, space.mutex_groups())
+            space, network = self._spaces[key]
+            self._known[run.unit] = Problem(schema, network, space, ListedPlanner(schema, space))
+        return self._known[run.unit]
+
+
+def play(run: Run, problem: Problem, fitted: Habits, drawn: Habits, monitor: str, seed: int) -> Row:
     """Play one problem with answers like those of the run's model."""
-    schema, space, planner = _problem(tasks, run.unit, Run("", run.split, run.problem, False, ()))
+    schema, network, space, planner = problem
     task = schema.task
     world = SymbolicWorld(task.atoms, task.declared, lambda state, rng, names: None, seed=seed, rules=task.derived)
     collector = Collector()
@@ -182,8 +221,7 @@ def play(run: Run, tasks: Tasks, fitted: Habits, drawn: Habits, monitor: str, se
             atoms={atom: fitted.counts.error_model(atom) for atom in task.atoms},
             correlations=fitted.repeats,
         )
-        network = MutexNetwork(task.atoms, space.mutex_groups())
-        used = BayesMonitor(network, sensor, ActionModel(), space=space)
+        used = BayesMonitor(network, sensor, ActionModel(process_noise=process_noise(len(task.atoms))), space=space)
     skills = dict.fromkeys(schema.actions, SymbolicSkill())
     settings = Settings(seed=seed, **SETTINGS)
     estimator = DrawnAnswers(world, drawn, seed)
@@ -204,24 +242,29 @@ def rows(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> It
         for line in kept.read_text(encoding="utf-8").splitlines():
             row = Row(**json.loads(line))
             done[row.model, row.split, row.problem, row.seed, row.monitor] = row
-    models = list(dict.fromkeys(run.model for run in runs))
+    problems = Problems(tasks)
+    played: dict[str, list[Run]] = {}
+    for run in runs:
+        if run.looks:
+            played.setdefault(run.model, []).append(run)
+    known = {model: _halves(own) for model, own in played.items()}
     # A run of every problem of every model comes before another seed, so that what was played so far says something.
-    for seed, monitor, model in itertools.product(range(seeds), (WHOLE, PLAIN), models):
-        own = sorted((run for run in runs if run.model == model and run.looks), key=lambda run: run.unit)
-        for run in own:
+    for seed, monitor, model in itertools.product(range(seeds), (WHOLE, PLAIN), played):
+        for run in sorted(played[model], key=lambda run: run.unit):
             key = (model, run.split, run.problem, seed, monitor)
             if key not in done:
-                fitted = _habits(own[::2], run.unit)
-                drawn = _habits(own[1::2], run.unit)
-                done[key] = play(run, tasks, fitted, drawn, monitor, seed)
+                fitted, drawn = (half - habits([run.looks] if run in own else []) for half, own in known[model])
+                done[key] = play(run, problems.of(run), fitted, drawn, monitor, seed)
                 if kept is not None:
                     with kept.open("a", encoding="utf-8") as file:
                         file.write(json.dumps(asdict(done[key])) + "\n")
             yield done[key]
 
 
-def _habits(runs: Sequence[Run], unit: tuple[str, str]) -> Habits:
-    return habits([run.looks for run in runs if run.unit != unit])
+def _halves(runs: Sequence[Run]) -> list[tuple[Habits, Sequence[Run]]]:
+    """Return how a model answered on every second problem, and on the others."""
+    own = sorted(runs, key=lambda run: run.unit)
+    return [(habits([run.looks for run in half]), half) for half in (own[::2], own[1::2])]
 
 
 def measure(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> list[dict[str, Any]]:

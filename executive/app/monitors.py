@@ -19,6 +19,7 @@ from executive.belief import (
     ThresholdMonitor,
     Thresholds,
 )
+from executive.belief.action_model import process_noise
 from executive.domain.loader import Domain
 from executive.errors import OptionError
 from executive.planning.mutex_groups import find_mutexes
@@ -52,7 +53,7 @@ def open_monitor(
     found = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
     space = list_states(domain.parsed, found)
     network = MutexNetwork(domain.task.atoms, groups_of(found, space))
-    actions = ActionModel(counts) if config.memory else None
+    actions = ActionModel(counts, process_noise(len(domain.task.atoms))) if config.memory else None
     return BayesMonitor(network, sensor, actions, thresholds, domain.looking.carried, space)
 
 

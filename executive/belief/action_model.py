@@ -16,6 +16,9 @@ from typing import NamedTuple
 
 from executive.types import Atom, Condition, Facts, SkillResult, SkillStatus, Step
 
+MOST_NOISE = 0.04
+"""The process noise of a task with few atoms: the probability that any given one changes by itself."""
+
 PRIOR = 20.0
 """The weight of the defaults, in measured actions."""
 
@@ -57,14 +60,15 @@ class ActionModel:
     Args:
         counts: how many actions had each outcome, by action and by the status that the skill reported. They correct
             the defaults.
-        process_noise: the probability that any given atom changes by itself from one action to the next.
+        process_noise: the probability that any given atom changes by itself from one action to the next; that of a
+            task is in `process_noise`.
 
     Raises:
         ValueError: the process noise is not in (0, 1), or a count is negative.
     """
 
     counts: Mapping[tuple[str, SkillStatus], Chances] = field(default_factory=lambda: MappingProxyType({}))
-    process_noise: float = 0.04
+    process_noise: float = MOST_NOISE
 
     def __post_init__(self) -> None:
         if not 0.0 < self.process_noise < 1.0:
@@ -79,6 +83,12 @@ class ActionModel:
         total = sum(counts) + PRIOR
         pairs = zip(counts, DEFAULTS[status], strict=True)
         return Chances(*((count + PRIOR * share) / total for count, share in pairs))
+
+
+def process_noise(atoms: int) -> float:
+    """Return the process noise of a task with so many atoms, of which about one changes by itself from one action to
+    the next: what others do to the world does not become more because more is said of it."""
+    return min(MOST_NOISE, 1.0 / max(1, atoms))
 
 
 GRIP_EVIDENCE = math.log(499.0)

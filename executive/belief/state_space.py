@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, field
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,7 @@ from executive.types import Atom, Condition, DerivedRules, FloatArray, Step
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 ByteArray: TypeAlias = npt.NDArray[np.uint8]
 IndexArray: TypeAlias = npt.NDArray[np.int64]
+_Key = TypeVar("_Key")
 
 MOST_STATES = 1_000_000
 """States up to which they are listed."""
@@ -50,6 +51,9 @@ class StateSpace:
     packed: ByteArray
     rules: DerivedRules = NO_RULES
     """How derived atoms, which no state has, follow from the others."""
+    _successors: dict[Step, IndexArray] = field(init=False, repr=False, default_factory=dict)
+    _classes: dict[frozenset[Atom], IndexArray] = field(init=False, repr=False, default_factory=dict)
+    """What was asked for, as a run does the same steps again and again: no more numbers than `MOST_WORK` each."""
 
     def __post_init__(self) -> None:
         if list(self.atoms) != sorted(set(self.atoms)):
@@ -161,13 +165,15 @@ class StateSpace:
     def successors(self, step: Step) -> IndexArray:
         """Return the number of the state that `step` leads to from each state, (N,): -1 where its precondition does not
         hold, or where it leads to a state that is not listed."""
+        if step in self._successors:
+            return self._successors[step]
         found = np.full(len(self), -1, dtype=np.int64)
         action = _Actions(self.atoms, [step], self.rules)
         for first in range(0, len(self), _CHUNK):
             states = _unpack(self.packed[first : first + _CHUNK], len(self.atoms))
             able, rows = action.applied(states, 0)
             found[first : first + _CHUNK][able] = self._find(_keys(_pack(rows)))
-        return found
+        return self._keep(self._successors, step, found)
 
     def holds(self, condition: Condition) -> BoolArray:
         """Return in which states a condition holds, (N,)."""
@@ -180,9 +186,12 @@ class StateSpace:
 
     def classes(self, atoms: Collection[Atom]) -> IndexArray:
         """Return a number for each state, (N,), from 0: the same for states that agree on all atoms but these."""
-        kept = np.array([[atom not in atoms for atom in self.atoms]], dtype=np.bool_)
-        _, number = np.unique(_keys(self.packed & _pack(kept)), return_inverse=True)
-        return number.astype(np.int64)
+        key = frozenset(atoms)
+        if key not in self._classes:
+            kept = np.array([[atom not in key for atom in self.atoms]], dtype=np.bool_)
+            _, number = np.unique(_keys(self.packed & _pack(kept)), return_inverse=True)
+            self._keep(self._classes, key, number.astype(np.int64))
+        return self._classes[key]
 
     def mutex_groups(self) -> tuple[Group, ...]:
         """Return sets of atoms of which no listed state has two, each about one object: all atoms of a predicate with
@@ -239,6 +248,14 @@ class StateSpace:
             for part in (np.bitwise_and, np.bitwise_or)
         )
         return {atom: bool(all_) for atom, all_, any_ in zip(self.atoms, every, some, strict=True) if all_ == any_}
+
+    def _keep(self, known: dict[_Key, IndexArray], key: _Key, numbers: IndexArray) -> IndexArray:
+        """Keep what was worked out, which nobody may write to."""
+        numbers.flags.writeable = False
+        if (len(known) + 1) * len(self) > MOST_WORK:
+            known.clear()
+        known[key] = numbers
+        return numbers
 
     def _bits(self, packed: ByteArray) -> BoolArray:
         return _unpack(packed, len(self.atoms))
