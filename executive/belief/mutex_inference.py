@@ -16,10 +16,14 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
+from executive.belief.wide_frontier import WideFrontier
 from executive.types import Atom
 
 MAX_FRONTIER = 2048
 """The most combinations of taken groups that are kept at a time. Up to this many, inference is exact."""
+
+WIDE = 64
+"""Combinations from which on arrays are quicker than going from one to the next."""
 
 _NONE = -1
 
@@ -92,6 +96,7 @@ class MutexNetwork:
     """The groups that each atom is in."""
     _picks_of: tuple[tuple[_Pick, ...], ...] = field(init=False, repr=False)
     _ungrouped: tuple[int, ...] = field(init=False, repr=False)
+    _wide: WideFrontier | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "atoms", tuple(sorted(set(self.atoms))))
@@ -119,6 +124,9 @@ class MutexNetwork:
         object.__setattr__(self, "_picks_of", tuple(turns))
         object.__setattr__(self, "_ungrouped", tuple(index for index in range(len(self.atoms)) if index not in seen))
         self.solve({})
+        if len(self.groups) > 1:
+            wide = WideFrontier.of(self._picks, len(self._picks_of), MAX_FRONTIER)
+            object.__setattr__(self, "_wide", wide if wide is not None and wide.width >= WIDE else None)
 
     def violated(self, true: Collection[Atom]) -> tuple[Group, ...]:
         """Return the groups that forbid that exactly these atoms are true."""
@@ -136,13 +144,17 @@ class MutexNetwork:
         if not all(map(math.isfinite, weight)):
             raise ValueError("weights have to be finite")
         best: frozenset[int] | None = None
-        if (swept := self._sweep(weight, max_frontier)) is None:
-            best = self._heaviest(weight)
-            swept = self._sweep(weight, max_frontier, self._path(best))
-            assert swept is not None
-        sums, edges = swept
-        log_total, marginal = sums[-1][0], self._marginals(weight, sums, edges)
-        true = set(self._traced(weight, edges) if best is None else best)
+        if self._wide is not None and self._wide.width <= max_frontier:
+            log_total, marginal, picked = self._wide.solve(weight)
+            true = set(picked)
+        else:
+            if (swept := self._sweep(weight, max_frontier)) is None:
+                best = self._heaviest(weight)
+                swept = self._sweep(weight, max_frontier, self._path(best))
+                assert swept is not None
+            sums, edges = swept
+            log_total, marginal = sums[-1][0], self._marginals(weight, sums, edges)
+            true = set(self._traced(weight, edges) if best is None else best)
         for atom in self._ungrouped:
             marginal[atom] = _sigmoid(weight[atom])
             log_total += _softplus(weight[atom])
@@ -163,10 +175,15 @@ class MutexNetwork:
             ValueError: as `solve`.
         """
         weight = [float(weights.get(atom, 0.0)) for atom in self.atoms]
-        swept = self._sweep(weight, max_frontier) if all(map(math.isfinite, weight)) else None
-        if swept is None:
+        if not all(map(math.isfinite, weight)):
+            raise ValueError("weights have to be finite")
+        if self._wide is not None and self._wide.width <= max_frontier:
+            grouped = self._wide.log_total(weight)
+        elif (swept := self._sweep(weight, max_frontier)) is not None:
+            grouped = swept[0][-1][0]
+        else:
             return self.solve(weights, max_frontier).log_total
-        return math.fsum((swept[0][-1][0], *(_softplus(weight[atom]) for atom in self._ungrouped)))
+        return math.fsum((grouped, *(_softplus(weight[atom]) for atom in self._ungrouped)))
 
     def _picks(self, turn: int, taken: int) -> Iterator[_Pick]:
         """Yield the picks that a group has when the groups in `taken` are taken."""

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from executive.belief import mutex_inference
 from executive.belief.mutex_inference import Group, MutexNetwork
 from executive.types import Atom
 
@@ -55,6 +56,20 @@ def test_answers_are_those_of_counting_every_state(some: tuple[Group, ...], weig
     assert answer.log_best == pytest.approx(counted.log_best, abs=1e-9)
     assert not network(some).violated(answer.best)
     assert answer.log_best == pytest.approx(math.fsum(weight[atom] for atom in answer.best), abs=1e-9)
+
+
+@given(groups, weights)
+def test_in_arrays_answers_are_the_same(some: tuple[Group, ...], weight: dict[Atom, float]) -> None:
+    assume(states(some))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mutex_inference, "WIDE", 0)
+        wide = MutexNetwork(ATOMS, some)
+    answer, counted = wide.solve(weight), count(some, weight)
+    assert answer.log_total == pytest.approx(counted.log_total, abs=1e-9)
+    assert wide.log_total(weight) == pytest.approx(counted.log_total, abs=1e-9)
+    assert answer.marginal == pytest.approx(counted.marginal, abs=1e-9)
+    assert answer.log_best == pytest.approx(counted.log_best, abs=1e-9)
+    assert answer.best == network(some).solve(weight).best, "a tie is broken the same"
 
 
 def test_a_group_that_overlaps_with_all_others_comes_after_them() -> None:
