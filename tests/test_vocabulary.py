@@ -14,7 +14,6 @@ ROOT = Path(__file__).parent.parent
 RETIRED = {
     "Eye": "SensorModel, EstimatorConfig or a vision-language model, as the case is",
     "Reading": "ErrorModel, of a sensor",
-    "Track": "BeliefState",
     "Course": "RunState",
     "Trust": "SensorFit",
     "unrest": "process_noise, of an action model",

@@ -4,6 +4,8 @@ models.py        shapes that are known: distance fields, surface samples, symmet
 clouds.py        points in space of what is neither furniture nor robot, and the clusters that they form
 registration.py  poses of a shape from points, many starts at once
 evidence.py      what a pose would have the cameras see, against what they saw
+tracks.py        which of several identical things is which, and how certain that is
+assignment.py    all ways to assign one set of things to another, weighed
 localizer.py     all of it together, over time: what is seen, remembered, held, missing or unknown
 """
 

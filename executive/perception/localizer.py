@@ -13,8 +13,9 @@ from executive.perception import clouds, matching, registration
 from executive.perception.clouds import Cloud, View
 from executive.perception.evidence import evidence
 from executive.perception.matching import Match
-from executive.perception.models import ItemModel
+from executive.perception.models import ItemModel, identical
 from executive.perception.registration import Poses
+from executive.perception.tracks import Hint, Tracks
 from executive.types import Camera, DepthImage, EstimatedPose, FloatArray, Image, Lump, PosesEstimated
 
 _EXPLAINED = 0.009
@@ -89,6 +90,10 @@ class Localizer:
         known: what is known of robot and room.
         capture: senses everything now.
         clock: tells the time of the world in s; as long as it stands still, nothing is sensed anew.
+        hint: what is known beforehand of where each of several identical items is first seen.
+
+    Attributes:
+        identical: the names of items that nothing tells apart, in groups.
     """
 
     def __init__(
@@ -97,8 +102,11 @@ class Localizer:
         known: Known,
         capture: Callable[[], Capture],
         clock: Callable[[], float],
+        hint: Hint | None = None,
     ) -> None:
         self._models = {model.name: model for model in models}
+        self.identical = tuple(identical(models))
+        self._tracks = {names: Tracks(names, hint) for names in self.identical}
         self._known, self._clock = known, clock
         self.capture = capture
         self._estimate: PosesEstimated | None = None
@@ -127,6 +135,7 @@ class Localizer:
         if held is not None:
             cloud = self._follow(*held, hand, cloud, views, found, sensed.time)
         cloud = self._find(cloud, views, found, sensed.time)
+        found, before = self._tell_apart(found, before, sensed.time)
         if held is None and _HOLDING[0] < sensed.width < _HOLDING[1] and (name := self._take_hold(hand, found)):
             found[name] = replace(found[name], source="held")
         for name, pose in before.items():
@@ -137,7 +146,8 @@ class Localizer:
                 cloud = self._apart(name, pose, cloud)
         missing = tuple(sorted(self._models.keys() - found.keys()))
         lumps = tuple(_lump(cloud.points[group]) for group in clouds.clusters(cloud.points, *self._known.bounds))
-        return PosesEstimated({name: found[name] for name in sorted(found)}, missing, lumps, left_out)
+        identity = {name: row for tracks in self._tracks.values() for name, row in tracks.identity().items()}
+        return PosesEstimated({name: found[name] for name in sorted(found)}, missing, lumps, left_out, identity)
 
     def _cloud(self, sensed: Capture) -> tuple[list[View], Cloud, dict[str, str]]:
         """The views that are used, the points of what is neither robot nor room, and why other views are not used."""
@@ -166,6 +176,26 @@ class Localizer:
             if merged and not matches:
                 break
         return cloud
+
+    def _tell_apart(
+        self, found: Mapping[str, EstimatedPose], before: Mapping[str, EstimatedPose], time: float
+    ) -> tuple[dict[str, EstimatedPose], dict[str, EstimatedPose]]:
+        """What is found, and what was found before, by the labels that identical items go by now."""
+        found, before = dict(found), dict(before)
+        for names, tracks in self._tracks.items():
+            mine = {name: found.pop(name) for name in names if name in found}
+            held = {name: pose for name, pose in mine.items() if pose.source == "held"}
+            loose = [pose for name, pose in mine.items() if name not in held]
+            at = np.array([self._centre(names[0], pose) for pose in loose]).reshape(-1, 3)
+            named = tracks.update(time, at, {name: self._centre(name, pose) for name, pose in held.items()})
+            found |= held | dict(zip(named.labels, loose, strict=True))
+            earlier = {name: before.pop(name, None) for name in names}
+            before |= {now: pose for now, then in named.formerly.items() if (pose := earlier[then]) is not None}
+        return found, before
+
+    def _centre(self, name: str, pose: EstimatedPose) -> FloatArray:
+        body = matrix(pose.pose)
+        return np.asarray(body[:3, :3] @ self._models[name].centre + body[:3, 3])
 
     def _follow(
         self,

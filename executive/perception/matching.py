@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -90,7 +90,10 @@ def _rough_matches(models: Sequence[ItemModel], cluster: Cloud, views: Sequence[
     """A rough match of each model, those of its colour first, and none of the others once one clearly is it."""
     found: dict[str, Match] = {}
     for model in sorted(models, key=lambda model: _colour_distance(model, cluster)):
-        if any(one.cost < CLEAR for one in found.values()):
+        twin = next((one for one in found.values() if one.model.looks_like(model)), None)
+        if twin is not None:
+            found[model.name] = replace(twin, model=model)
+        elif any(one.cost < CLEAR for one in found.values()):
             found[model.name] = _no_match(model, cluster, views)
         else:
             found[model.name] = _rough_match(model, cluster, views, merged)

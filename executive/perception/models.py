@@ -30,6 +30,9 @@ _ALIKE, _ALIKE_WORST = 0.0009, 0.004
 _LOOKALIKE = 0.0045
 """m by which a turned surface may lie beside the unturned one in the mean and be taken for it."""
 
+_SAME, _SAME_COLOUR = 1e-6, 0.02
+"""m between the corners of two shapes, and of 0..1 between their mean colours, up to which they are the same."""
+
 
 @dataclass(frozen=True, eq=False)
 class ItemModel:
@@ -157,6 +160,16 @@ class ItemModel:
                     found.append(about @ turn)
         return np.stack(found)
 
+    def looks_like(self, other: ItemModel) -> bool:
+        """Whether nothing tells the two items apart: one shape and one colour."""
+        return (
+            self.vertices.shape == other.vertices.shape
+            and self.faces.shape == other.faces.shape
+            and np.allclose(self.vertices, other.vertices, atol=_SAME)
+            and np.array_equal(self.faces, other.faces)
+            and np.allclose(self.rgb, other.rgb, atol=_SAME_COLOUR)
+        )
+
     def _unchanged(self, turn: FloatArray) -> bool:
         distance = np.abs(self.distances(self.points @ np.asarray(turn).T)[0])
         return bool(distance.mean() < _ALIKE and np.quantile(distance, 0.95) < _ALIKE_WORST)
@@ -169,6 +182,18 @@ class ItemModel:
             return float(np.arccos(abs(along) if -1 in flips else along))
         traces = [float(np.trace(one.T @ other @ turn)) for turn in self.symmetries]
         return float(np.arccos(np.clip(0.5 * (max(traces) - 1.0), -1.0, 1.0)))
+
+
+def identical(models: Sequence[ItemModel]) -> list[tuple[str, ...]]:
+    """The names of items that nothing tells apart, in groups of two and more."""
+    groups: list[list[ItemModel]] = []
+    for model in models:
+        mine = next((group for group in groups if group[0].looks_like(model)), None)
+        if mine is None:
+            groups.append([model])
+        else:
+            mine.append(model)
+    return [tuple(model.name for model in group) for group in groups if len(group) > 1]
 
 
 def cube_rotations() -> Sequence[FloatArray]:

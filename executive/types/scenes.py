@@ -91,9 +91,12 @@ class Lump:
 @dataclass(frozen=True, slots=True, eq=False)
 class PosesEstimated:
     """Poses were estimated from depth pictures: of each item that is seen, held or remembered. Items in `missing` are
-    not seen where they were, nor anywhere else. `left_out` says why a camera's depth was not used."""
+    not seen where they were, nor anywhere else. `left_out` says why a camera's depth was not used. Of items that
+    nothing tells apart, `identity` says by name how probable it is that the item is where each of them is said to be.
+    """
 
     poses: Mapping[str, EstimatedPose]
     missing: tuple[str, ...] = ()
     lumps: tuple[Lump, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
+    identity: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
