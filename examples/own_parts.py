@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from executive import SimState, SkillContext, SkillResult, SkillStatus, Step, takes
+from executive import Scene, SkillContext, SkillResult, SkillStatus, Step, takes
 
 
 @takes("item")
-def upright(state: SimState, item: str) -> bool:
+def upright(scene: Scene, item: str) -> bool:
     """upright(item): its own z axis points up, to within 15 degrees."""
-    up = state.data.body(item).xmat[8]
+    up = scene.items[item].rotation[2, 2]
     return bool(up > 0.966)
 
 

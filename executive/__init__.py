@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from executive.domain.pddl import read_task
     from executive.faults import FaultInjector, parse_fault
     from executive.planning import FastDownwardPlanner, UnifiedPlanner
-    from executive.sim.relations import SimState, takes
+    from executive.relations import Scene, takes
     from executive.sim.truth import Oracle, Truth
     from executive.sim.world import MujocoWorld
     from executive.trace.phrases import why
@@ -101,8 +101,8 @@ __all__ = [
     "RerunSink",
     "Run",
     "RunConfig",
+    "Scene",
     "Scenery",
-    "SimState",
     "Simulator",
     "Sink",
     "Skill",
@@ -142,7 +142,7 @@ _FROM = {
     "RerunSink": "executive.trace.viewer.sink",
     "Run": "executive.app.run",
     "RunConfig": "executive.app.config",
-    "SimState": "executive.sim.relations",
+    "Scene": "executive.relations",
     "TerminalSink": "executive.trace.terminal",
     "Truth": "executive.sim.truth",
     "UnifiedPlanner": "executive.planning",
@@ -157,7 +157,7 @@ _FROM = {
     "reaches": "executive.core.compare",
     "resume": "executive.app.run",
     "run": "executive.app.run",
-    "takes": "executive.sim.relations",
+    "takes": "executive.relations",
     "why": "executive.trace.phrases",
 }
 """Imported when they are first asked for: what stands behind them is not light."""
@@ -166,6 +166,8 @@ former_names.install()
 
 
 def __getattr__(name: str) -> object:
+    if name == "SimState":
+        return former_names.renamed(__name__, name, "executive.Scene", __getattr__("Scene"))
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_FROM[name]), name)

@@ -18,6 +18,7 @@ MOVED = {
     "executive.loop": "executive.core.loop",
     "executive.pddl": "executive.domain.pddl",
     "executive.sim.handle": "executive.sim.robot_api",
+    "executive.sim.relations": "executive.relations",
     "executive.trace.events": "executive.trace.record.log",
 }
 """By the former name, the module's name now."""

@@ -28,6 +28,7 @@ from packaging.requirements import Requirement
 
 from executive import __version__
 from executive.errors import InputError, MissingError
+from executive.relations import kinds
 from executive.util import requirements
 from executive.util.files import check_writable, reason
 from executive.util.threads import cores, settings
@@ -166,11 +167,8 @@ def domains() -> Finding:
 
     for name in list_domains():
         load_domain(name)
-    words = {
-        what: ", ".join(sorted(point.name for point in entry_points(group=f"executive.{what}")))
-        for what in ("skills", "relations")
-    }
-    registered = "; ".join(f"{what}: {names}" for what, names in words.items())
+    skills = {point.name for point in entry_points(group="executive.skills")}
+    registered = f"skills: {', '.join(sorted(skills))}; relations: {', '.join(sorted(kinds.names()))}"
     return Finding("domains", State.OK, f"{', '.join(list_domains())} ({registered})")
 
 

@@ -213,14 +213,15 @@ def checked_stage(domain: Domain) -> InitialState:
     Raises:
         DomainError: they are not.
     """
+    from executive.relations.kinds import check_kinds, read_relation_kinds
     from executive.sim.initial_state import read_initial_state
-    from executive.sim.relation_kinds import check_kinds, read_relation_kinds
     from executive.sim.spec import read_scene
 
     scene, task = read_scene(domain.scene).restricted_to(domain.task.objects, domain.scene), domain.task
     manifest, problem = domain.files[0], domain.files[2]
     kinds = read_relation_kinds(domain.relations, task.parameters, manifest)
-    check_kinds(kinds, task, scene, manifest)
+    named = {**{item.name: "item" for item in scene.items}, **{table.name: "table" for table in scene.tables}}
+    check_kinds(kinds, task, named, manifest)
     return read_initial_state(domain.parsed.init, kinds, scene, problem)
 
 

@@ -18,6 +18,7 @@ from typing import Literal, NoReturn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.errors import DomainError, nearest, unregistered
+from executive.relations import kinds
 from executive.util.files import LARGEST, LARGEST_TOML, caseless, parse_toml, read_text, reason
 from executive.util.validation import first_mistake
 
@@ -235,8 +236,8 @@ class Source:
 
 
 def _registered(what: str) -> set[str]:
-    """The skills or relations that installed packages register."""
-    return {entry.name for entry in entry_points(group=f"executive.{what}s")}
+    """The skills or relations that there are."""
+    return kinds.names() if what == "relation" else {entry.name for entry in entry_points(group=f"executive.{what}s")}
 
 
 def _parts(dotted: str) -> tuple[str, ...]:

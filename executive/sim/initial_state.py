@@ -13,8 +13,8 @@ from types import MappingProxyType
 from typing import NoReturn
 
 from executive.errors import DomainError, nearest
+from executive.relations.kinds import RelationKind
 from executive.sim import footprint
-from executive.sim.relation_kinds import RelationKind
 from executive.sim.scene import ItemShape
 from executive.sim.spec import SceneSpec
 from executive.types import Atom, Facts

@@ -9,8 +9,9 @@ from types import MappingProxyType
 
 import mujoco
 
-from executive.sim.relation_kinds import RelationKind, read_relation_kinds
-from executive.sim.relations import SimState
+from executive.relations import Scene
+from executive.relations.kinds import read_relation_kinds
+from executive.sim.solids import Solids
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Belief, Facts, Observation
 
@@ -20,7 +21,7 @@ class Truth:
 
     Args:
         world: the simulated world.
-        relations: predicate -> the relation that is its truth (see `executive.sim.relation_kinds`).
+        relations: predicate -> the relation that is its truth (see `executive.relations.kinds`).
         parameters: predicate -> the names of its parameters, to be held against the relation's.
         file: the domain file, for the error message.
 
@@ -35,20 +36,18 @@ class Truth:
         parameters: Mapping[str, Sequence[str]] = MappingProxyType({}),
         file: Path | None = None,
     ) -> None:
-        self._world = world
+        self._world, self._solids = world, Solids(world.model, world.spec)
         self.relation_kinds = read_relation_kinds(relations, parameters, file)
 
     def of(self, atoms: Sequence[Atom]) -> Facts:
         """The ground truth of each atom now."""
-        world = self._world
-        mujoco.mj_forward(world.model, world.data)
-        tables = {table.name: table for table in world.spec.tables}
-        state = SimState(world.model, world.data, tables, tuple(world.shapes))
-        return Facts({atom: self._holds(self.relation_kinds[atom.predicate], state, atom) for atom in atoms})
+        scene, kinds = self.scene(), self.relation_kinds
+        return Facts({atom: kinds[atom.predicate].holds(scene, atom) for atom in atoms})
 
-    @staticmethod
-    def _holds(kind: RelationKind, state: SimState, atom: Atom) -> bool:
-        return bool(kind.relation(state, *kind.about(atom)))
+    def scene(self) -> Scene:
+        """What is where now."""
+        mujoco.mj_forward(self._world.model, self._world.data)
+        return self._solids.scene(self._world.data)
 
 
 class Oracle:

@@ -81,7 +81,7 @@ def test_a_former_module_is_found_with_a_warning(former: str, now: str) -> None:
 
 @pytest.mark.parametrize(
     ("module", "former", "now"),
-    [("executive.sim.relations", "State", "SimState"), ("executive.trace.viewer", "RerunSink", "RerunSink")],
+    [("executive.sim.relations", "SimState", "Scene"), ("executive.trace.viewer", "RerunSink", "RerunSink")],
 )
 def test_a_former_name_is_found_with_a_warning(module: str, former: str, now: str) -> None:
     with pytest.warns(FutureWarning, match=f"executive.{now}"):

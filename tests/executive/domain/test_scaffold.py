@@ -18,6 +18,7 @@ from executive import cli
 from executive.domain import loader, manifest, scaffold
 from executive.domain.loader import load_domain
 from executive.errors import InputError
+from executive.relations.kinds import COME_ALONG
 from executive.s3e import Templates, load_instructions
 from executive.sim import spec
 from executive.sim.spec import read_scene
@@ -135,9 +136,9 @@ def test_every_key_of_a_manifest_is_shown() -> None:
 
 
 def test_every_word_that_may_stand_there_is_told() -> None:
-    for point in distribution("executive").entry_points:
-        if point.group in ("executive.skills", "executive.relations"):
-            assert re.search(rf"^#   {point.name} ", text("domain.toml"), flags=re.MULTILINE), point.name
+    skills = [point.name for point in distribution("executive").entry_points if point.group == "executive.skills"]
+    for word in (*skills, *COME_ALONG):
+        assert re.search(rf"^#   {word} ", text("domain.toml"), flags=re.MULTILINE), word
     for word in (*spec.ASSETS, *spec.TEXTURES, "box", "cylinder"):
         assert re.search(rf"\b{word}\b", text("scene.toml")), word
 

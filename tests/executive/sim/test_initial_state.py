@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from executive.errors import DomainError
+from executive.relations.kinds import read_relation_kinds
 from executive.sim.initial_state import InitialState, check_initial_state, read_initial_state, too_large
-from executive.sim.relation_kinds import read_relation_kinds
 from executive.sim.spec import SceneSpec, TableSpec, read_scene
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld

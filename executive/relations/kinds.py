@@ -1,4 +1,4 @@
-"""The relation of each predicate of a domain in the simulator, and the kinds of its arguments.
+"""The relation of each predicate of a domain, and the kinds of its arguments.
 
 With `relation = "on"` the relation takes the predicate's own arguments in their order; with `relation = "on(?tool,
 tray)"` it takes the named ones, where an object of the scene may be named directly.
@@ -6,18 +6,23 @@ tray)"` it takes the named ones, where an object of the scene may be named direc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from inspect import signature
 from itertools import permutations
 from pathlib import Path
+from types import MappingProxyType
 
 from executive.errors import DomainError, nearest, unregistered
-from executive.sim.spec import SceneSpec
+from executive.relations import basic
+from executive.relations.scene import Relation, Scene
 from executive.types import Atom, Task
 
-Relation = Callable[..., bool]
+COME_ALONG: Mapping[str, Relation] = MappingProxyType(
+    {"on": basic.on, "gripping": basic.gripping, "gripper-empty": basic.gripper_empty}
+)
+"""Those of this package by name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +36,7 @@ class RelationKind:
 
     @property
     def kinds(self) -> tuple[str, ...] | None:
-        """The kinds of the relation's arguments, if it declares them (`executive.sim.relations.takes`)."""
+        """The kinds of the relation's arguments, if it declares them (`executive.takes`)."""
         declared: tuple[str, ...] | None = getattr(self.relation, "takes", None)
         return declared
 
@@ -46,10 +51,20 @@ class RelationKind:
             return atom.args
         return tuple(term if isinstance(term, str) else atom.args[term] for term in self.terms)
 
+    def holds(self, scene: Scene, atom: Atom) -> bool:
+        """Whether an atom of the predicate is true in a scene."""
+        return bool(self.relation(scene, *self.about(atom)))
+
 
 def relations() -> dict[str, Relation]:
-    """The registered relations by name."""
-    return {point.name: point.load() for point in entry_points(group="executive.relations")}
+    """The relations by name: those that come along, and those that installed packages register."""
+    points = entry_points(group="executive.relations")
+    return {**{point.name: point.load() for point in points if point.name not in COME_ALONG}, **COME_ALONG}
+
+
+def names() -> set[str]:
+    """The names of all relations, without loading any."""
+    return COME_ALONG.keys() | {point.name for point in entry_points(group="executive.relations")}
 
 
 def read_relation_kinds(
@@ -88,14 +103,16 @@ def read_relation_kinds(
     return kinds
 
 
-def check_kinds(kinds: Mapping[str, RelationKind], task: Task, spec: SceneSpec, file: Path) -> None:
+def check_kinds(kinds: Mapping[str, RelationKind], task: Task, kind_of: Mapping[str, str], file: Path) -> None:
     """Checks the arguments of relations against the objects of the scene. An argument is right if some object that may
     stand there is of the kind; a predicate of which no atom could ever be true is a mistake.
+
+    Args:
+        kind_of: each object of the scene -> "item" or "table".
 
     Raises:
         DomainError: the first mistake; says which order would be right, if one is.
     """
-    kind_of = {**{item.name: "item" for item in spec.items}, **{table.name: "table" for table in spec.tables}}
     for predicate, kind in kinds.items():
         key = f"predicates.{predicate}.relation"
         atoms = [atom for atom in task.atoms if atom.predicate == predicate]

@@ -1,0 +1,48 @@
+"""The relations that come along: on a table, between the fingers, and nothing between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, TypeVar
+
+from executive.relations.scene import Scene
+
+Kind = Literal["item", "table", "thing"]
+"""The kind of an argument: an [[item]] of the scene, a [[table]], or either."""
+
+_Relation = TypeVar("_Relation", bound=Callable[..., bool])
+
+
+def takes(*kinds: Kind) -> Callable[[_Relation], _Relation]:
+    """Declares the kinds of a relation's parameters after the scene, in their order."""
+
+    def declare(relation: _Relation) -> _Relation:
+        vars(relation)["takes"] = kinds
+        return relation
+
+    return declare
+
+
+@takes("item", "table")
+def on(scene: Scene, item: str, table: str) -> bool:
+    """The item rests on the table, directly or on other items, and is not gripped.
+
+    Where several tables carry it at once, it is on the one that its centre of mass is nearest to.
+    """
+    if gripping(scene, item):
+        return False
+    tables = scene.supports(item)
+    centre = scene.items[item].centre
+    return bool(tables) and table == min(tables, key=lambda name: scene.tables[name].beside(centre))
+
+
+@takes("item")
+def gripping(scene: Scene, item: str) -> bool:
+    """The item is between the fingers: they feel something, and both touch it."""
+    return scene.feels and all(scene.touch(scene.items[item], finger) for finger in scene.fingers)
+
+
+@takes()
+def gripper_empty(scene: Scene) -> bool:
+    """No item is between the fingers."""
+    return not any(gripping(scene, item) for item in scene.items)
