@@ -127,7 +127,11 @@ class Contacts:
 
     def of(self, atoms: tuple[Atom, ...]) -> Facts:
         empty = not any(self.gripping(item) for item in self.world.shapes)
-        told = {"on-table": self.on, "robot-gripping": self.gripping, "robot-gripper-empty": lambda: empty}
+        told: dict[str, Callable[..., bool]] = {
+            "on-table": self.on,
+            "robot-gripping": self.gripping,
+            "robot-gripper-empty": lambda: empty,
+        }
         return Facts({atom: told[atom.predicate](*atom.args) for atom in atoms})
 
 
