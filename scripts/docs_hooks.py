@@ -74,7 +74,12 @@ def _commands() -> Iterator[str]:
     group: Any = typer.main.get_command(app)
     yield "# Command line\n`--help` after a command prints the same. [Exit codes](exit-codes.md) have a page.\n\n"
     yield f"Before the command:\n\n{_options(group)}"
-    for name, command in sorted(group.commands.items()):
+    commands = dict(group.commands)
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            del commands[name]
+            commands |= {f"{name} {inner}": each for inner, each in command.commands.items()}
+    for name, command in sorted(commands.items()):
         yield f"\n## executive {name}\n{command.help or ''}\n\n{_options(command)}"
 
 

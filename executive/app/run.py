@@ -32,6 +32,7 @@ from executive.faults import (
 from executive.planning.feasible import FeasiblePlanner
 from executive.protocols import Planner, Preparing, Recalling, Sink
 from executive.trace.record import monitor_file
+from executive.trace.record.frames import FrameLog
 from executive.trace.record.log import EventLog
 from executive.trace.record.snapshots import Snapshots
 from executive.trace.record.thresholds import thresholds
@@ -151,6 +152,7 @@ class Run:
         recorders: list[Sink] = [
             Snapshots(self.folder, self.world, self._stop_recording_failed),
             log or EventLog(self.folder, self._stop_recording_failed),
+            FrameLog(self.folder),
             self._collector,
         ]
         if config.viewer:

@@ -21,6 +21,7 @@ from executive.cli.app import (
 )
 from executive.cli.campaign_commands import bench
 from executive.cli.check_command import check
+from executive.cli.export_commands import export
 from executive.cli.planning_commands import plan
 from executive.cli.replay_commands import replay
 from executive.cli.run_commands import explain, inspect, resume, run
@@ -53,6 +54,7 @@ app.command()(plan)
 app.command()(explain)
 app.command()(replay)
 app.command()(inspect)
+app.add_typer(export, name="export")
 app.command()(check)
 app.command()(domains)
 app.command()(faults)

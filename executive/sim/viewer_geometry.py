@@ -44,7 +44,7 @@ def of(model: mujoco.MjModel, spec: SceneSpec) -> Scenery:
         mujoco.mju_mat2Quat(quaternion, data.cam_xmat[index])
         pose = tuple(float(value) for value in (*data.cam_xpos[index], *quaternion))
         cameras.append(Camera(camera.name, pose, float(np.deg2rad(camera.fovy_degrees)), camera.width, camera.height))
-    return Scenery(tuple(geometries), tuple(cameras))
+    return Scenery(tuple(geometries), tuple(cameras), scene.JOINTS)
 
 
 def exact(model: mujoco.MjModel, geom: int, body: str) -> Geometry:

@@ -306,7 +306,8 @@ class MujocoWorld:
             if self.model.body_weldid[body] != 0:
                 name = self.model.body(body).name
                 poses[name] = np.concatenate([self.data.xpos[body], self.data.xquat[body]])
-        return Frame(poses, self.joints(), self.gripper_width())
+        told = np.append(self.data.ctrl[self._servo], self._closed)
+        return Frame(poses, self.joints(), self.gripper_width(), told, self.gripper_joints())
 
     def settle(self, seconds: float) -> None:
         """Advances the time with the arm's command unchanged."""

@@ -15,13 +15,17 @@ from executive.types.facts import FloatArray
 class Frame:
     """The poses of all moving bodies: name -> (7,) position in m and quaternion (w, x, y, z), world frame.
 
-    Only for visualisation; no decision depends on one.
+    `joints` are the arm's joint positions in rad. Where the world tells it, `command` is what the servos are told: a
+    position in rad for each joint, and last how far the fingers shall close, 0 to 1; `fingers` are the finger joints'
+    positions in rad. Only for who watches and for exporting a run; no decision depends on one.
     """
 
     poses: Mapping[str, FloatArray]
     joints: FloatArray
     gripper: float
     """Opening between the finger pads in m."""
+    command: FloatArray | None = None
+    fingers: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,10 +54,11 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scenery:
-    """The world's shapes, which `Frame` moves, and its cameras, for visualisation."""
+    """The world's shapes, which `Frame` moves, its cameras, and the names of the arm's joints, for visualisation."""
 
     geometries: tuple[Geometry, ...] = ()
     cameras: tuple[Camera, ...] = ()
+    joints: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

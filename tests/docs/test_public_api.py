@@ -14,10 +14,10 @@ from collections.abc import Iterator
 import pytest
 
 import executive
-from executive import former_names, s3e
+from executive import export, former_names, s3e
 from tests.docs.following import DOCS, DOCUMENTS, ROOT, blocks
 
-PUBLIC = {"executive": executive.__all__, "executive.s3e": s3e.__all__}
+PUBLIC = {"executive": executive.__all__, "executive.s3e": s3e.__all__, "executive.export": export.__all__}
 SHOWN = {
     **{str(file.relative_to(ROOT)): file.read_text(encoding="utf-8") for file in sorted(ROOT.glob("examples/*.py"))},
     **{str(block): block.text for page in DOCUMENTS for block in blocks(page) if block.language == "python"},
@@ -51,8 +51,14 @@ def test_what_is_imported_is_public(where: str) -> None:
 def test_what_prose_names_is_public(page: str) -> None:
     """A dotted name such as `executive.s3e.Templates` in the text is public, or a word of an entry point's group."""
     text = re.sub(r"```.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.DOTALL)
-    named = re.findall(r"(?<![\w\"./-])(executive(?:\.s3e)?)\.([A-Za-z_]+)(?![\w/])", text)
-    groups = {("executive", "skills"), ("executive", "relations"), ("executive", "s3e"), ("executive", "__all__")}
+    named = re.findall(r"(?<![\w\"./-])(executive(?:\.s3e|\.export)?)\.([A-Za-z_]+)(?![\w/])", text)
+    groups = {
+        ("executive", "skills"),
+        ("executive", "relations"),
+        ("executive", "s3e"),
+        ("executive", "export"),
+        ("executive", "__all__"),
+    }
     assert {each for each in named if each not in groups and each[1] not in (*PUBLIC[each[0]], "__all__")} == set()
 
 
@@ -60,7 +66,7 @@ def test_the_reference_has_all_that_is_public() -> None:
     page = (DOCS / "reference" / "python.md").read_text(encoding="utf-8")
     for module, public in PUBLIC.items():
         shown = re.findall(rf"^::: {module}\.(\w+)$", page, flags=re.MULTILINE)
-        assert sorted({*shown} - {"s3e"}) == sorted({*public} - {"__version__"})
+        assert sorted({*shown} - {"s3e", "export"}) == sorted({*public} - {"__version__"})
         assert len(shown) == len({*shown})
 
 

@@ -31,6 +31,7 @@ import numpy as np
 from executive.errors import InputError, nearest
 from executive.trace import phrases
 from executive.trace.record.codec import RECORDED, JsonValue, decode, encode
+from executive.trace.record.lines import whole_lines
 from executive.trace.record.pictures import depth_to_png, read_depth, read_picture, to_jpeg
 from executive.types import (
     Decision,
@@ -89,7 +90,7 @@ class EventLog:
         except BlockingIOError:
             os.close(self._file)
             raise InputError("another process is at work on this run", file=self._run) from None
-        self._size = _whole(self._file)
+        self._size = whole_lines(self._file)
         os.ftruncate(self._file, self._size)
         self._closed = False
         try:
@@ -310,15 +311,3 @@ def _thinned(motion: Motion) -> Motion:
         configurations=motion.configurations[kept].round(4),
         end_effector=(path[kept] if len(path) == count else path[:MOTION_POINTS]).round(4),
     )
-
-
-def _whole(file: int) -> int:
-    """Return how many bytes of a record are whole lines."""
-    end = os.fstat(file).st_size
-    while end:
-        start = max(0, end - 65536)
-        newline = os.pread(file, end - start, start).rfind(b"\n")
-        if newline >= 0:
-            return start + newline + 1
-        end = start
-    return 0

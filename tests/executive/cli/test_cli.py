@@ -373,9 +373,13 @@ def test_where_a_run_is_shown_is_json_where_that_is_wanted(
 def test_every_command_has_json() -> None:
     group = typer.main.get_command(cli.app)
     assert isinstance(group, typer.core.TyperGroup)
-    options = {
-        name: [text for each in command.params for text in each.opts] for name, command in group.commands.items()
-    }
+    commands = dict(group.commands)
+    for name, command in group.commands.items():
+        if isinstance(command, typer.core.TyperGroup):
+            del commands[name]
+            commands |= {f"{name} {inner}": each for inner, each in command.commands.items()}
+    options = {name: [text for each in command.params for text in each.opts] for name, command in commands.items()}
+    assert "export mcap" in options
     assert [name for name, texts in options.items() if "--json" not in texts] == []
 
 
