@@ -1,1 +1,58 @@
-"""The skills of the robot: each executes one kind of step on the robot handle of the world."""
+"""The skills of the robot, and what they are made of.
+
+A skill hands the function that does its work to `perform`, which gives it an `Attempt` to work on and reports how it
+ended. What such a function calls stands here: look, reach, approach, grasp, carry, release, retreat, and `take` and
+`put`, which are made of these.
+"""
+
+from executive.skills.arm import ArmSkill, Attempt, SkillError, go_home, perform
+from executive.skills.collision import Held
+from executive.skills.library import (
+    Way,
+    approach,
+    carry,
+    check_rests,
+    grasp,
+    grasps_of,
+    in_hand,
+    is_free,
+    look,
+    put,
+    reach,
+    release,
+    retreat,
+    spots_for,
+    surface,
+    table_under,
+    take,
+    uncover,
+)
+from executive.skills.surfaces import Surface
+
+__all__ = [
+    "ArmSkill",
+    "Attempt",
+    "Held",
+    "SkillError",
+    "Surface",
+    "Way",
+    "approach",
+    "carry",
+    "check_rests",
+    "go_home",
+    "grasp",
+    "grasps_of",
+    "in_hand",
+    "is_free",
+    "look",
+    "perform",
+    "put",
+    "reach",
+    "release",
+    "retreat",
+    "spots_for",
+    "surface",
+    "table_under",
+    "take",
+    "uncover",
+]

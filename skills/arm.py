@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from functools import update_wrapper
+from typing import Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -16,6 +17,7 @@ from executive.skills.collision import CollisionModel, Held
 from executive.skills.failed_grasps import FailedGrasps
 from executive.skills.ik import Kinematics
 from executive.skills.motion_planning import MotionPlanner, Path
+from executive.skills.surfaces import rests_on
 from executive.types import FloatArray, Motion, Phase, PosesEstimated, Sense, SkillResult, SkillStatus, Step
 
 OPEN_WIDTH = 0.080
@@ -46,6 +48,8 @@ _LOOKS_AGAIN, _LOOK_SECONDS = 2, 0.2
 
 _WITHDRAW = np.linspace(0.01, 0.10, 10)
 """Heights in m of the waypoints of a withdrawal from a contact."""
+
+_KINDS = {"item": "an item", "table": "a table", "surface": "a table or another item"}
 
 _GRIP_SECONDS = 0.6
 _BRAKE_SECONDS = 0.25
@@ -111,16 +115,20 @@ class Attempt:
         self._reported_lost = False
         self._announced: PosesEstimated | None = None
 
-    def item_and_table(self) -> tuple[str, str]:
-        """Returns the arguments of the step.
+    def arguments(self, *kinds: Literal["item", "table", "surface"]) -> tuple[str, ...]:
+        """Returns the arguments of the step, each of the kind that is named for it: an item, a table, or a surface,
+        which is a table or another item.
 
         Raises:
             InputError: the domain gives this skill an action with other parameters.
         """
-        match self.step.args:
-            case (item, table) if item in self.handle.shapes and table in self.handle.tables:
-                return item, table
-        raise InputError(f"the skill takes an item and a table, not {self.step}", key=f"actions.{self.step.action}")
+        args, items, tables = self.step.args, self.handle.shapes.keys() - self.handle.unknown, self.handle.tables.keys()
+        names = {"item": items, "table": tables, "surface": items | tables}
+        fit = len(args) == len(kinds) and all(arg in names[kind] for arg, kind in zip(args, kinds, strict=True))
+        if fit and len(set(args)) == len(args):
+            return args
+        wanted = " and ".join(_KINDS[kind] for kind in kinds)
+        raise InputError(f"the skill takes {wanted}, not {self.step}", key=f"actions.{self.step.action}")
 
     @property
     def holding(self) -> bool:
@@ -185,7 +193,22 @@ class Attempt:
         item = min(away, key=away.__getitem__, default="")
         if not item or away[item] >= _AT_GRIP:
             return None
-        return Held(item, transforms.inverse(hand) @ transforms.matrix(items[item]))
+        inverse = transforms.inverse(hand)
+        riders = {name: inverse @ pose for name, pose in self.riders(item).items()}
+        return Held(item, inverse @ transforms.matrix(items[item]), riders)
+
+    def riders(self, item: str) -> dict[str, FloatArray]:
+        """The poses (4, 4) of what rests on an item, directly or on other such things, the lowest first."""
+        shapes, poses = self.handle.shapes, {name: transforms.matrix(pose) for name, pose in self.obstacles().items()}
+        found: dict[str, FloatArray] = {}
+        below = [item]
+        while below:
+            lower = below.pop(0)
+            for name in poses.keys() - {item} - found.keys() - self.handle.unknown if lower in poses else ():
+                if rests_on(poses[name], shapes[name], poses[lower], shapes[lower]):
+                    found[name] = poses[name]
+                    below.append(name)
+        return found
 
     def update_collisions(self, held: Held | None = None, ignored: Collection[str] = ()) -> None:
         """Updates the collision model."""

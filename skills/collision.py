@@ -8,7 +8,8 @@ they never miss a contact.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import mujoco
 import numpy as np
@@ -48,10 +49,17 @@ _APART = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """An item in the hand: its name and its transform (4, 4) in the frame of the grip point."""
+    """An item in the hand: its name and its transform (4, 4) in the frame of the grip point; likewise those of what
+    rests on it, and is carried along."""
 
     item: str
     in_hand: FloatArray
+    riders: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def carried(self) -> dict[str, FloatArray]:
+        """Everything that moves with the hand."""
+        return {self.item: self.in_hand, **self.riders}
 
 
 class CollisionModel:
@@ -101,12 +109,12 @@ class CollisionModel:
         ignored: Collection[str] = (),
     ) -> None:
         """Sets the poses of the items (7,), the finger joints (rad), the held item, and the items to ignore."""
+        carried = {} if held is None else held.carried
         for name, start in self._items.items():
             if name in items:
                 self._data.qpos[start : start + 7] = items[name]
-            is_held = held is not None and held.item == name
             for geom in self._geoms[name]:
-                if is_held:
+                if name in carried:
                     self._mark(geom, _HELD, _SURROUNDINGS | _ARM)
                 elif name in ignored or name not in items:
                     self._mark(geom, 0, 0)
@@ -115,7 +123,7 @@ class CollisionModel:
         self._held = held
         self._data.qpos[self._fingers] = fingers
         self._place(np.zeros(len(self._arm)))
-        self._geometry = self._parts.arguments(self._data, () if held is None else self._geoms[held.item])
+        self._geometry = self._parts.arguments(self._data, [geom for name in carried for geom in self._geoms[name]])
 
     def free(self, q: FloatArray) -> bool:
         """Whether the configuration `q` (6,) is free of contact with the clearance."""
@@ -132,13 +140,13 @@ class CollisionModel:
         return bool(collision_kernels.clear(*self._geometry, _CLEARANCE, start, goal, _EDGE))
 
     def beside(self, q: FloatArray) -> frozenset[str]:
-        """The items that touch the held one at `q`."""
+        """The items that touch the held one at `q`, but for those that are carried with it."""
         if self._held is None:
             return frozenset()
         names = {
             part.split("/")[0] for pair in self.touching(q) for part in pair if self._held.item in pair[0] + pair[1]
         }
-        return frozenset(names & self._items.keys()) - {self._held.item}
+        return frozenset(names & self._items.keys()) - self._held.carried.keys()
 
     def hides(self, q: FloatArray, cameras: FloatArray, points: FloatArray) -> int:
         """Counts the lines of sight from `cameras` (M, 3) to `points` (N, 3) that the arm, gripper or held item
@@ -178,8 +186,9 @@ class CollisionModel:
             hand = np.eye(4)
             hand[:3, :3] = data.site_xmat[self._site].reshape(3, 3)
             hand[:3, 3] = data.site_xpos[self._site]
-            start = self._items[self._held.item]
-            data.qpos[start : start + 7] = transforms.pose(hand @ self._held.in_hand)
+            for name, in_hand in self._held.carried.items():
+                start = self._items[name]
+                data.qpos[start : start + 7] = transforms.pose(hand @ in_hand)
             mujoco.mj_kinematics(self._model, data)
 
     def _mark(self, geom: int, kind: int, touches: int) -> None:

@@ -19,6 +19,7 @@ class SkillStatus(StrEnum):
     NOT_APPLICABLE = "not applicable"  # the action's precondition does not hold, so that nothing was done
     GRASP_MISSED = "grasp missed"
     DROPPED = "dropped"
+    FELL = "fell"  # it was put down, and did not stay where it was put
     TIMED_OUT = "timed out"
     CANCELLED = "cancelled"
     CRASHED = "crashed"

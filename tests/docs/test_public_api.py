@@ -14,10 +14,15 @@ from collections.abc import Iterator
 import pytest
 
 import executive
-from executive import export, former_names, s3e
+from executive import export, former_names, s3e, skills
 from tests.docs.following import DOCS, DOCUMENTS, ROOT, blocks
 
-PUBLIC = {"executive": executive.__all__, "executive.s3e": s3e.__all__, "executive.export": export.__all__}
+PUBLIC = {
+    "executive": executive.__all__,
+    "executive.s3e": s3e.__all__,
+    "executive.skills": skills.__all__,
+    "executive.export": export.__all__,
+}
 SHOWN = {
     **{str(file.relative_to(ROOT)): file.read_text(encoding="utf-8") for file in sorted(ROOT.glob("examples/*.py"))},
     **{str(block): block.text for page in DOCUMENTS for block in blocks(page) if block.language == "python"},
@@ -51,7 +56,7 @@ def test_what_is_imported_is_public(where: str) -> None:
 def test_what_prose_names_is_public(page: str) -> None:
     """A dotted name such as `executive.s3e.Templates` in the text is public, or a word of an entry point's group."""
     text = re.sub(r"```.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.DOTALL)
-    named = re.findall(r"(?<![\w\"./-])(executive(?:\.s3e|\.export)?)\.([A-Za-z_]+)(?![\w/])", text)
+    named = re.findall(r"(?<![\w\"./-])(executive(?:\.s3e|\.skills|\.export)?)\.([A-Za-z_]+)(?![\w/])", text)
     groups = {
         ("executive", "skills"),
         ("executive", "relations"),

@@ -12,7 +12,7 @@ from executive.errors import InputError
 from executive.protocols import Simulator, Skill, SkillContext
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
-from executive.skills import grasps, transforms
+from executive.skills import grasps, surfaces, transforms
 from executive.skills.pick import pick
 from executive.skills.place import place
 from executive.types import Atom, Facts, Motion, News, Phase, SkillResult, SkillStatus, Step
@@ -296,7 +296,9 @@ def test_a_full_hand_does_not_pick() -> None:
 @pytest.mark.parametrize("skill", [pick, place])
 def test_an_action_with_other_parameters_is_the_domains_mistake(skill: Skill, args: tuple[str, ...]) -> None:
     robot = Robot(grocery(seed=20, items=("lemon",)))
-    with pytest.raises(InputError, match=r"actions\.move: the skill takes an item and a table, not move\("):
+    with pytest.raises(
+        InputError, match=r"actions\.move: the skill takes an item and a table or another item, not move\("
+    ):
         skill(Step("move", args), robot._context())
 
 
@@ -322,7 +324,7 @@ def test_resting_is_the_nearest_way_to_stand() -> None:
         for _ in range(20):
             quaternion = rng.normal(size=4)
             item = transforms.matrix(np.concatenate([[0, 0, 1], quaternion / np.linalg.norm(quaternion)]))
-            rested = grasps.resting(item, shape)
+            rested = surfaces.resting(item, shape)
             assert np.linalg.det(rested) == pytest.approx(1.0)
             flat = np.abs(rested[2])
             if shape.axis is None:

@@ -1,0 +1,385 @@
+"""What skills are made of: look, reach, approach, grasp, carry, release and retreat.
+
+Each function works on an `Attempt`, the state of one execution of a step that `perform` hands to a skill, and raises a
+`SkillError` where it fails, which ends the skill with a report. Positions and distances are in m, angles in rad, poses
+are transforms (4, 4) in the world frame, configurations (6,) in rad. A pose of the hand is that of the grip point: z
+out of the hand, x from pad to pad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from executive.skills import grasps, surfaces, transforms
+from executive.skills.arm import CARRYING, Attempt, SkillError, go_home, withdraw
+from executive.skills.collision import Held
+from executive.skills.surfaces import Surface
+from executive.types import FloatArray, Sense, SkillStatus
+
+APPROACH = np.linspace(0.09, 0.0, 7)
+"""Distances in m from a grasp through which the hand comes to it in a straight line."""
+
+LIFT = np.linspace(0.015, 0.12, 8)
+"""Heights in m above a grasp through which an item is lifted straight up."""
+
+LOWER = np.linspace(0.10, 0.0, 8)
+"""Heights in m above where an item is put down through which it is lowered straight down."""
+
+RETREAT = np.linspace(0.015, 0.10, 6)
+"""Distances in m from a released item through which the hand withdraws."""
+
+_MOST_GRASPS, _MOST_SPOTS = 8, 6
+"""The largest number of grasps, and of spots to put an item down, for which a motion is planned."""
+
+_DEVIATIONS = 2.0
+"""Standard deviations of an estimated position that the open fingers have room for on either side."""
+
+_AGAIN = 1.0
+"""The extra cost of a grasp per failure, in rad of the path to it."""
+
+_LOOKS_AGAIN = 2
+"""How often an item whose pose is estimated is looked for again when the fingers closed on nothing."""
+
+_STAYS = frozenset({SkillStatus.UNREACHABLE, SkillStatus.NO_PATH, SkillStatus.NOT_THERE})
+"""How an item is left where it is, with an empty hand."""
+
+_CAREFULLY = 0.3
+"""The share of the speed limits that is used while something rests on what is carried."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """A way to bring the hand to a pose and on from there, in straight lines.
+
+    Attributes:
+        hand: the pose (4, 4).
+        into: the configurations (N, 6) that lead to it.
+        out: those (M, 6) that lead on from it, the first of which is the last of `into`.
+        cost: in rad of the path from where the arm is now; the less the better.
+    """
+
+    hand: FloatArray
+    into: FloatArray
+    out: FloatArray
+    cost: float
+
+
+def look(attempt: Attempt, item: str) -> FloatArray:
+    """Returns the pose (4, 4) of an item; where it is estimated and not well known, it is looked at again.
+
+    Raises:
+        SkillError: NOT_THERE where it is seen nowhere.
+    """
+    return transforms.matrix(attempt.locate(item))
+
+
+def surface(attempt: Attempt, name: str) -> Surface:
+    """Returns a table, or the top of an item as it is now, as a surface.
+
+    Raises:
+        SkillError: NOT_THERE where the item is seen nowhere.
+    """
+    if name in attempt.handle.tables:
+        return Surface.of_table(attempt.handle.tables[name])
+    if (pose := attempt.obstacles().get(name)) is None:
+        raise SkillError(SkillStatus.NOT_THERE, f"{name} is seen nowhere")
+    return Surface.of_item(transforms.matrix(pose), attempt.handle.shapes[name])
+
+
+def in_hand(attempt: Attempt, item: str) -> Held:
+    """Returns the item in the gripper, with its pose in it and with what rests on it.
+
+    Raises:
+        SkillError: NOT_THERE where the gripper does not hold this item.
+    """
+    held = attempt.held()
+    if held is None or held.item != item:
+        raise SkillError(SkillStatus.NOT_THERE, f"the gripper does not hold {item}")
+    return held
+
+
+def is_free(
+    attempt: Attempt, path: Sequence[FloatArray] | FloatArray, held: Held | None = None, ignored: Collection[str] = ()
+) -> bool:
+    """Whether the arm and the held item touch nothing at any configuration (6,) of a path, where the `ignored` items
+    count as nothing."""
+    attempt.update_collisions(held, ignored)
+    return bool(attempt.arm.collision.all_free(np.array(path)).all())
+
+
+def reach(
+    attempt: Attempt, hand: FloatArray, into: FloatArray, out: FloatArray, free: Callable[[Way], bool]
+) -> Way | None:
+    """Returns a way to bring the hand to a pose (4, 4), or None where none is within reach and `free`.
+
+    Args:
+        into: the offsets (N, 3) of the straight line to it, the last of which is 0.
+        out: the offsets (M, 3) of the straight line on from there.
+        free: whether a way touches nothing that it must not (see `is_free`).
+    """
+    kinematics, start = attempt.arm.kinematics, attempt.body.joints()
+    attempt.check_cancelled()
+    for seed in kinematics.seeds(hand, start):
+        q = kinematics.solve(hand, seed)
+        if q is None:
+            continue
+        back = kinematics.line(q, [transforms.translated(hand, offset) for offset in into[::-1]])
+        on = kinematics.line(q, [transforms.translated(hand, offset) for offset in out])
+        if back is None or on is None:
+            continue
+        way = Way(hand, np.array(back[::-1]), np.array([back[0], *on]), float(np.linalg.norm(back[-1] - start)))
+        if free(way):
+            return way
+    return None
+
+
+def grasps_of(attempt: Attempt, item: str, pose: FloatArray, source: Surface) -> list[Way]:
+    """Returns ways to take an item at `pose` (4, 4) from a surface and lift it, cheapest first.
+
+    Raises:
+        SkillError: UNREACHABLE where there are none.
+    """
+    shape, height = attempt.handle.shapes[item], float(source.centre[2])
+    # Where the fingers open too little for that, it is tried all the same.
+    slack = _DEVIATIONS * attempt.spread(item)
+    candidates = grasps.candidates(pose, shape, height, slack) or grasps.candidates(pose, shape, height)
+    if not candidates:
+        raise SkillError(SkillStatus.UNREACHABLE, f"{item} is too wide for the gripper as it stands or lies")
+    there = transforms.matrix(attempt.obstacles()[item])
+    riders = attempt.riders(item)
+    found: list[Way] = []
+    for preference, grasp in enumerate(candidates):
+        if len(found) >= 2 * _MOST_GRASPS:
+            break
+        held = Held(item, *_in_frame(grasp, there, riders))
+
+        def free(way: Way, held: Held = held) -> bool:
+            if not is_free(attempt, [*way.into, *way.out], ignored=[item]):
+                return False
+            attempt.update_collisions(held)
+            # An item that leans on this one cannot be avoided; it is moved along a little.
+            return is_free(attempt, way.out[2:], held, attempt.arm.collision.beside(way.into[-1]))
+
+        if (way := reach(attempt, grasp, APPROACH[:, None] * -grasp[:3, 2], _up(LIFT), free)) is not None:
+            again = attempt.arm.failed_grasps.times(item, pose, grasp)
+            found.append(replace(way, cost=way.cost + 0.02 * preference + _AGAIN * again))
+    if not found:
+        raise SkillError(SkillStatus.UNREACHABLE, f"no grasp of {item} is within reach and free of collisions")
+    return sorted(found, key=lambda way: way.cost)[:_MOST_GRASPS]
+
+
+def spots_for(attempt: Attempt, held: Held, target: Surface) -> list[Way]:
+    """Returns ways to lower the held item onto a free spot of a surface and to withdraw the hand, cheapest first.
+
+    Raises:
+        SkillError: DOES_NOT_FIT where it is larger than the table as it is held, UNREACHABLE where there are none.
+    """
+    shape = attempt.handle.shapes[held.item]
+    others = {name: pose for name, pose in attempt.obstacles().items() if name not in held.carried}
+    upright = surfaces.resting(attempt.arm.kinematics.forward(attempt.body.joints()) @ held.in_hand, shape)
+    if not surfaces.fits(upright, shape, target):
+        raise SkillError(SkillStatus.DOES_NOT_FIT, f"{held.item} does not fit on {target}")
+
+    def free(way: Way) -> bool:
+        # The lowest points are left out: there the item is about to touch the surface.
+        return is_free(attempt, way.into[:-2], held) and is_free(attempt, [*way.into, *way.out], ignored=held.carried)
+
+    found: list[Way] = []
+    for spot, yaws in surfaces.spots(upright, shape, target, others, attempt.handle.shapes, attempt.context.rng):
+        for yaw in yaws:
+            pose = np.eye(4)
+            pose[:3, :3] = Rotation.from_euler("z", float(yaw)).as_matrix() @ upright
+            pose[:3, 3] = spot - pose[:3, :3] @ shape.centre
+            hand = pose @ transforms.inverse(held.in_hand)
+            if (way := reach(attempt, hand, _up(LOWER), RETREAT[:, None] * -hand[:3, 2], free)) is not None:
+                found.append(way)
+        if len(found) >= _MOST_SPOTS or (found and target.is_item):
+            break
+    if not found:
+        raise SkillError(SkillStatus.UNREACHABLE, f"no free spot on {target.name} is within reach")
+    return sorted(found, key=lambda way: way.cost)[:_MOST_SPOTS]
+
+
+def approach(attempt: Attempt, ways: Sequence[Way], what: str) -> Way:
+    """Moves the empty hand to the first of some ways that there is a motion to, and along it to its pose; returns it.
+    `what` is for the message.
+
+    Raises:
+        SkillError: NO_PATH, or whatever ends the motion.
+    """
+    for way in ways:
+        if (path := attempt.plan([way.into[0]])) is not None:
+            attempt.move("approach", path, planned=True)
+            attempt.move("approach", way.into, speed=0.5)
+            return way
+    raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {what}")
+
+
+def grasp(attempt: Attempt, way: Way) -> None:
+    """Closes the gripper on an item, and lifts it.
+
+    Raises:
+        SkillError: GRASP_MISSED with the hand withdrawn and open, or whatever ends the motion.
+    """
+    attempt.phase("grip")
+    try:
+        attempt.close_gripper()
+    except SkillError:
+        attempt.open_gripper()
+        attempt.move("retreat", way.out, speed=0.6)
+        raise
+    attempt.move("lift", way.out, speed=0.6)
+
+
+def carry(attempt: Attempt, held: Held, ways: Sequence[Way], what: str) -> Way:
+    """Carries the held item to the first of some ways that there is a motion to, and along it to its pose; returns it.
+    It goes carefully where something rests on the item. `what` is for the message.
+
+    Raises:
+        SkillError: NO_PATH, DROPPED, or whatever ends the motion.
+    """
+    for way in ways:
+        if (path := attempt.plan([way.into[0]], held)) is not None:
+            speed = _CAREFULLY if held.riders else CARRYING
+            attempt.move("transfer", path, speed=speed, planned=True, then=[way.into, way.out[1:]])
+            attempt.move("lower", way.into, speed=0.5)
+            attempt.check_held()
+            return way
+    raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {what}")
+
+
+def release(attempt: Attempt) -> None:
+    """Opens the gripper.
+
+    Raises:
+        SkillError: CANCELLED.
+    """
+    attempt.phase("release")
+    attempt.open_gripper()
+
+
+def retreat(attempt: Attempt, way: Way) -> None:
+    """Moves the hand on along the end of a way.
+
+    Raises:
+        SkillError: whatever ends the motion.
+    """
+    attempt.move("retreat", way.out, speed=0.6)
+
+
+def take(attempt: Attempt, item: str, source: str, home: bool = False) -> None:
+    """Takes an item from a table, or from the top of another item, and lifts it; with `home`, carries it to the home
+    pose. What rests on it is put down beside it before. Where poses are estimated, a grasp that misses looks again.
+
+    Raises:
+        SkillError: NOT_THERE when it is not there, UNREACHABLE when no grasp has a free and reachable configuration,
+            NO_PATH when there is no motion to one, GRASP_MISSED when the fingers close on nothing, DROPPED when it
+            slips out, TIMED_OUT when the arm is blocked.
+    """
+    for _ in range(_LOOKS_AGAIN):
+        try:
+            return _take(attempt, item, source, home)
+        except SkillError as failure:
+            if failure.status is not SkillStatus.GRASP_MISSED or attempt.body.estimated_poses() is None:
+                raise
+    _take(attempt, item, source, home)
+
+
+def _take(attempt: Attempt, item: str, source: str, home: bool) -> None:
+    attempt.phase("plan", f"grasps of {item}")
+    pose, below = look(attempt, item), surface(attempt, source)
+    if not below.holds(pose, attempt.handle.shapes[item]):
+        raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {source}")
+    if attempt.riders(item) and uncover(attempt, item):
+        pose = look(attempt, item)
+    way = approach(attempt, grasps_of(attempt, item, pose, below), item)
+    try:
+        grasp(attempt, way)
+        if home:
+            go_home(attempt)
+        attempt.check_held()
+    except SkillError as failure:
+        if failure.status is SkillStatus.GRASP_MISSED or failure.sense is Sense.FELT:
+            attempt.arm.failed_grasps.add(item, pose, way.hand)
+        raise
+    attempt.arm.failed_grasps.forget(item)
+
+
+def uncover(attempt: Attempt, item: str) -> bool:
+    """Puts what rests on an item down beside it, on the table below; returns whether nothing is left on it. What cannot
+    be taken, or finds no room, stays.
+
+    Raises:
+        SkillError: something that was taken could not be put down, or slipped out of the hand.
+    """
+    for rider in attempt.riders(item):
+        if rider not in attempt.riders(item):
+            continue  # it was put down with what it rested on
+        if (table := table_under(attempt, rider)) is None:
+            return False
+        try:
+            take(attempt, rider, item)
+        except SkillError as failure:
+            if failure.status not in _STAYS:
+                raise
+            return False
+        put(attempt, rider, table)
+        check_rests(attempt, rider, table)
+    return True
+
+
+def table_under(attempt: Attempt, item: str) -> str | None:
+    """Returns the name of the table that an item is over, if only by lying on other things; None where there is none.
+
+    Raises:
+        SkillError: NOT_THERE where the item is seen nowhere.
+    """
+    pose, shape = look(attempt, item), attempt.handle.shapes[item]
+    for name, table in attempt.handle.tables.items():
+        if Surface.of_table(table).holds(pose, shape, slack=0.0):
+            return name
+    return None
+
+
+def put(attempt: Attempt, item: str, target: str) -> None:
+    """Puts the held item down on a free spot of a table, or on the middle of another item, and withdraws the hand.
+
+    Raises:
+        SkillError: NOT_THERE when the hand does not hold it, DOES_NOT_FIT when it is larger than the table as it is
+            held, UNREACHABLE when no free spot is within reach, NO_PATH when none can be got to, DROPPED when the item
+            slips out on the way, TIMED_OUT when the arm is held up.
+    """
+    held = in_hand(attempt, item)
+    withdraw(attempt, held)  # where it was gripped and not yet lifted
+    attempt.phase("plan", f"a spot on {target}")
+    way = carry(attempt, held, spots_for(attempt, held, surface(attempt, target)), target)
+    release(attempt)
+    retreat(attempt, way)
+
+
+def check_rests(attempt: Attempt, item: str, target: str) -> None:
+    """Looks whether an item that was put down rests where it was put. What is not seen is not in question.
+
+    Raises:
+        SkillError: FELL where it does not.
+    """
+    pose = attempt.obstacles().get(item)
+    if pose is not None and not surface(attempt, target).holds(transforms.matrix(pose), attempt.handle.shapes[item]):
+        raise SkillError(SkillStatus.FELL, f"{item} did not stay on {target}")
+
+
+def _in_frame(
+    hand: FloatArray, item: FloatArray, riders: dict[str, FloatArray]
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """The transforms of an item and of what rests on it in the frame of the hand."""
+    inverse = transforms.inverse(hand)
+    return inverse @ item, {name: inverse @ pose for name, pose in riders.items()}
+
+
+def _up(heights: FloatArray) -> FloatArray:
+    """Offsets (N, 3) straight up by some heights in m."""
+    return np.asarray(heights[:, None] * np.array([0.0, 0.0, 1.0]))

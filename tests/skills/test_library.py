@@ -1,0 +1,129 @@
+"""What skills are made of: on tables and on the tops of other items alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executive.sim.scene import ItemShape
+from executive.sim.world import MujocoWorld
+from executive.skills import Attempt, SkillError, Surface, check_rests, surfaces, table_under, transforms
+from executive.types import Atom, SkillStatus, Step
+from tests.executive.sim.stage import SCENE, TABLES, grocery
+from tests.skills.test_skills import Robot
+
+BLOCKS = ("block-a", "block-b", "block-c")
+BLOCK = '[[item]]\nname = "{}"\nshape = "box"\nsize = [0.045, 0.045, 0.045]\nmass = 0.05\n'
+CAN, LEMON = "soda-can", "lemon"
+
+
+def blocks(folder: Path, seed: int = 0) -> Robot:
+    file = folder / "scene.toml"
+    file.write_text("\n".join([SCENE.read_text(encoding="utf-8"), *map(BLOCK.format, BLOCKS)]), encoding="utf-8")
+    objects = {**dict.fromkeys(BLOCKS, "item"), **dict.fromkeys(TABLES, "table")}
+    placed = dict.fromkeys(BLOCKS, "black-table")
+    return Robot(MujocoWorld(file, objects, seed, placed))
+
+
+def with_rider(seed: int = 20) -> Robot:
+    """A can with a lemon on it, in the middle of the black table."""
+    robot = Robot(grocery(seed, (CAN, LEMON), placed=dict.fromkeys((CAN, LEMON), "black-table")))
+    world = robot.world
+    height = world.spec.tables[1].centre[2]
+    for item, above in ((CAN, 0.002), (LEMON, 2 * world.shapes[CAN].half[2] + 0.004)):
+        shape = world.shapes[item]
+        middle = np.array([0.46, 0.0, height + above + shape.half[2]])
+        world.put(item, np.concatenate([middle - shape.centre, [1.0, 0.0, 0.0, 0.0]]))
+    world.data.qvel[:] = 0.0
+    world.settle(0.5)
+    return robot
+
+
+def attempt(robot: Robot, *args: str) -> Attempt:
+    return Attempt(Step("act", args), robot._context())
+
+
+def test_a_tower_is_built_and_taken_down(tmp_path: Path) -> None:
+    robot = blocks(tmp_path)
+    lower, middle, upper = BLOCKS
+    for item, below in ((middle, lower), (upper, middle)):
+        assert robot.pick(item, "black-table").done
+        assert robot.place(item, below).done
+    poses = {item: robot.world.pose(item) for item in BLOCKS}
+    heights = [poses[item][2] for item in BLOCKS]
+    assert np.diff(heights) == pytest.approx([0.045, 0.045], abs=0.002)
+    assert np.hypot(*(poses[upper] - poses[lower])[:2]) < 0.01
+    assert robot.pick(upper, lower).status is SkillStatus.NOT_THERE  # it is on the middle one
+    assert robot.pick(upper, middle).done
+    assert robot.place(upper, "white-table").done
+    assert robot.so(f"on-table({upper},white-table)")
+    assert robot.world.pose(middle)[2] == pytest.approx(heights[1], abs=0.002)
+
+
+def test_what_rests_on_an_item_is_put_down_beside_it_before_it_is_taken() -> None:
+    robot = with_rider()
+    result = robot.pick(CAN, "black-table")
+    assert result.done, result.reason
+    assert robot.so(f"robot-gripping({CAN})")
+    assert robot.so(f"on-table({LEMON},black-table)")
+    assert robot.place(CAN, "wood-table").done
+    assert robot.so(f"on-table({CAN},wood-table)")
+
+
+def test_what_rests_on_an_item_is_found(tmp_path: Path) -> None:
+    robot = with_rider()
+    assert attempt(robot).riders(CAN).keys() == {LEMON}
+    assert not attempt(robot).riders(LEMON)
+    assert table_under(attempt(robot), LEMON) == "black-table"
+
+
+def test_what_did_not_stay_where_it_was_put_is_told() -> None:
+    robot = with_rider()
+    check_rests(attempt(robot), LEMON, CAN)
+    pose = robot.world.pose(LEMON)
+    robot.world.put(LEMON, pose + np.array([0.12, 0.0, -0.1, 0.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(SkillError) as failure:
+        check_rests(attempt(robot), LEMON, CAN)
+    assert failure.value.status is SkillStatus.FELL
+    robot.world.put(LEMON, pose + np.array([0.0, 0.0, -0.9, 0.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(SkillError, match="lemon did not stay on black-table"):
+        check_rests(attempt(robot), LEMON, "black-table")
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_top_of_an_item_is_where_it_ends(axis: int) -> None:
+    """A box of 4 x 6 x 10 cm, with each of its sides up in turn, and turned about the vertical."""
+    half = np.array([0.02, 0.03, 0.05])
+    shape = ItemShape("box", np.array([0.01, 0.0, -0.02]), half)
+    item = np.eye(4)
+    item[:3, :3] = transforms.matrix(np.array([0, 0, 0, np.cos(0.2), 0, 0, np.sin(0.2)]))[:3, :3]
+    item[:3, :3] = item[:3, :3] @ np.roll(np.eye(3), axis, axis=1)
+    item[:3, 3] = [0.4, 0.1, 0.9]
+    top = Surface.of_item(item, shape)
+    up = int(np.argmax(np.abs(item[2, :3])))
+    assert top.centre == pytest.approx(item[:3, 3] + item[:3, :3] @ shape.centre + [0, 0, half[up]])
+    assert sorted(top.size) == pytest.approx(sorted(2 * np.delete(half, up)))
+    corner = top.centre[:2] + _axes(top.yaw).T @ (0.5 * np.array(top.size))
+    corners = transforms.box_corners(item, shape.centre, half)
+    assert np.linalg.norm(corners[:, :2] - corner, axis=1).min() < 1e-9
+
+
+def test_an_item_is_put_on_another_edge_along_edge() -> None:
+    shape = ItemShape("box", np.zeros(3), np.array([0.03, 0.02, 0.01]))
+    below = Surface("base", np.array([0.4, 0.1, 0.85]), (0.06, 0.06), yaw=0.3, is_item=True)
+    (spot, yaws), _ = surfaces.spots(np.eye(3), shape, below, {}, {}, np.random.default_rng(0))
+    assert spot == pytest.approx([0.4, 0.1, 0.863])
+    assert np.cos(2 * (yaws - 0.3)) ** 2 == pytest.approx(1.0)
+
+
+def _axes(yaw: float) -> np.ndarray:
+    return np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+
+
+def test_truth_agrees_that_a_tower_stands_on_its_table(tmp_path: Path) -> None:
+    robot = blocks(tmp_path, seed=1)
+    assert robot.pick("block-b", "black-table").done
+    assert robot.place("block-b", "block-a").done
+    assert robot.truth.of([Atom.parse("on-table(block-b,black-table)")]).true
