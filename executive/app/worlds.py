@@ -4,7 +4,7 @@ needs of either is checked and built here."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -16,8 +16,8 @@ from executive.domain.loader import Domain
 from executive.errors import DomainError, OptionError, nearest
 from executive.faults import Fault, parse_fault
 from executive.faults.catalogue import PHYSICAL, SYMBOLIC
-from executive.protocols import Estimator, Skill
-from executive.types import Atom, Facts
+from executive.protocols import Estimator, Skill, SkillContext
+from executive.types import Atom, Facts, SkillResult, Step
 
 if TYPE_CHECKING:
     from executive.belief.sensor_model import SensorModel
@@ -155,7 +155,29 @@ def _initial_state(domain: Domain, config: RunConfig) -> frozenset[Atom]:
 def load_skills(domain: Domain) -> Mapping[str, Skill]:
     """Load each action's skill from the entry-point group `executive.skills`."""
     points = {point.name: point for point in entry_points(group="executive.skills")}
-    return {action: points[skill].load() for action, skill in domain.skills.items()}
+    loaded: dict[str, Skill] = {}
+    for action, said in domain.skills.items():
+        name, bracket, rest = said.partition("(")
+        loaded[action] = points[name].load()
+        if bracket:
+            own = [variable for variable, _ in domain.parsed.actions[action].parameters]
+            words = [word.strip() for word in rest.removesuffix(")").split(",")]
+            loaded[action] = SkillCall(loaded[action], [own.index(w) if w in own else w for w in words])
+    return loaded
+
+
+class SkillCall:
+    """A skill that is given other arguments than the action's own: some of these, by their index, and objects of the
+    scene, by their names."""
+
+    def __init__(self, skill: Skill, terms: Sequence[int | str]) -> None:
+        self._skill, self._terms = skill, tuple(terms)
+        if hasattr(skill, "prepare"):
+            self.prepare = skill.prepare
+
+    def __call__(self, step: Step, context: SkillContext) -> SkillResult:
+        args = tuple(term if isinstance(term, str) else step.args[term] for term in self._terms)
+        return replace(self._skill(replace(step, args=args), context), step=step)
 
 
 def load_moves(domain: Domain) -> Mapping[str, Skill]:
@@ -188,8 +210,8 @@ def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
     """
     from executive.sim.spec import read_scene
 
-    scene = read_scene(domain.scene)
-    items = [item.name for item in scene.items if item.name in domain.task.objects]
+    scene = read_scene(domain.scene).restricted_to(domain.task.objects, domain.scene)
+    items = [item.name for item in scene.items]
     tables, cameras = ([thing.name for thing in things] for things in (scene.tables, scene.cameras))
     return [_only_in(MUJOCO, parse_fault(spec, items, tables, cameras)) for spec in specs]
 
@@ -220,8 +242,7 @@ def checked_stage(domain: Domain) -> InitialState:
     scene, task = read_scene(domain.scene).restricted_to(domain.task.objects, domain.scene), domain.task
     manifest, problem = domain.files[0], domain.files[2]
     kinds = read_relation_kinds(domain.relations, task.parameters, manifest)
-    named = {**{item.name: "item" for item in scene.items}, **{table.name: "table" for table in scene.tables}}
-    check_kinds(kinds, task, named, manifest)
+    check_kinds(kinds, task, scene.kinds, manifest)
     return read_initial_state(domain.parsed.init, kinds, scene, problem)
 
 
@@ -263,6 +284,8 @@ def _simulator(
         barred=setting.barred,
         held=setting.held,
         depth=config.poses == DEPTH,
+        stacked=setting.stacked,
+        regions=setting.regions,
     )
     truth = Truth(world, domain.relations, task.parameters, domain.files[0])
     try:

@@ -23,6 +23,7 @@ from executive.cli.campaign_commands import bench
 from executive.cli.check_command import check
 from executive.cli.export_commands import export
 from executive.cli.planning_commands import plan
+from executive.cli.problem_commands import problems
 from executive.cli.replay_commands import replay
 from executive.cli.run_commands import explain, inspect, resume, run
 from executive.cli.setup_commands import doctor, domains, faults, new
@@ -51,6 +52,7 @@ app.command()(calibrate)
 app.command()(train)
 app.command()(bench)
 app.command()(plan)
+app.command()(problems)
 app.command()(explain)
 app.command()(replay)
 app.command()(inspect)

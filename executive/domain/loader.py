@@ -49,13 +49,13 @@ class Subject:
 class Domain:
     """A domain and one of its problems, checked.
 
-    `parsed` is what a planner is made from; `skills` maps each action to the name of the skill that carries it out,
-    `relations` each predicate that is neither static nor derived to what is its truth in the simulator: the name of a
-    relation, with its arguments where they are not the predicate's own (`on(?tool, tray)`); `scene` is the file that
-    the world is built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how
-    reliable the skills are (`executive.app.sensor_fit` reads it), if there is one, `looking` is how it is to look, and
-    `files` are all the files that were read or located. A pair of PDDL files has neither skills nor relations nor a
-    scene (`scene_file` is None): only the symbolic world can play it."""
+    `parsed` is what a planner is made from; `skills` maps each action to the skill that carries it out: its name, with
+    its arguments where they are not the action's own (`pick(?x, table)`); `relations` maps each predicate that is
+    neither static nor derived to what is its truth in the simulator, in the same way; `scene` is the file that the
+    world is built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how reliable
+    the skills are (`executive.app.sensor_fit` reads it), if there is one, `looking` is how it is to look, and `files`
+    are all the files that were read or located. A pair of PDDL files has neither skills nor relations nor a scene
+    (`scene_file` is None): only the symbolic world can play it."""
 
     name: str
     folder: Path
@@ -105,7 +105,8 @@ class Domain:
 
 def list_domains() -> tuple[str, ...]:
     """The names of the domains that are shipped with Executive."""
-    return tuple(sorted(path.parent.name for path in _SHIPPED.glob(f"*/{MANIFEST}")))
+    found = [*_SHIPPED.glob(f"*/{MANIFEST}"), *_SHIPPED.glob(f"*/*/{MANIFEST}")]
+    return tuple(sorted(path.parent.relative_to(_SHIPPED).as_posix() for path in found))
 
 
 def load_domain(
@@ -117,10 +118,10 @@ def load_domain(
 ) -> Domain:
     """Read and check a domain folder, or a shipped domain by its name.
 
-    `problem` is the name of a file in the folder's `problems/`, or the path of a file inside the folder; without it,
-    the problem that the manifest names. Where `where` is a PDDL file itself, `problem` is another one, wherever it is.
-    `skills` and `relations` are the names that exist; without them, those that
-    are registered as entry points.
+    `problem` is the name of a file in the folder's `problems/`, the path of a file inside the folder, or that of a PDDL
+    file anywhere else, for other tasks of the same scene; without it, the problem that the manifest names. Where
+    `where` is a PDDL file itself, `problem` is another one, wherever it is. `skills` and `relations` are the names that
+    exist; without them, those that are registered as entry points.
 
     Raises:
         DomainError: the first mistake, in one line with its file and key.
@@ -149,7 +150,11 @@ def load_domain(
     needless = parsed.static | parsed.derived
     source.check("predicates", "relation", parsed.predicates, relation_of, relations, needless)
     for name, said in relation_of.items():
-        relation_of[name] = source.relation(name, said, [f"?{each}" for each in parsed.task.parameters[name]])
+        names = [f"?{each}" for each in parsed.task.parameters[name]]
+        relation_of[name] = source.call(("predicates", name, "relation"), said, names)
+    for name, said in skill_of.items():
+        names = [variable for variable, _ in parsed.actions[name].parameters]
+        skill_of[name] = source.call(("actions", name, "skill"), said, names)
     name = folder.resolve().name
     files = (source.path, domain_file, problem_file, scene, questions, instructions, outcomes)
     return Domain(
@@ -271,11 +276,14 @@ def _locate(where: str | Path) -> Path:
 
 
 def _problem(folder: Path, problem: str) -> Path:
-    """The problem that the user asks for: a name in `problems/`, or a path inside the folder."""
+    """The problem that the user asks for: a name in `problems/`, a path inside the folder, or that of a PDDL file
+    anywhere else, which is another task for the same scene."""
     names = sorted(path.stem for path in (folder / "problems").glob("*.pddl"))
     if problem in names:
         return inside(folder, folder / "problems" / f"{problem}.pddl")
-    for path in (folder / problem, Path(problem)):
-        if path.suffix == ".pddl" and os.path.isfile(path):
-            return inside(folder, path)
+    if Path(problem).suffix.lower() == ".pddl":
+        if os.path.isfile(problem):
+            return inside(Path(problem).resolve().parent, Path(problem))
+        if os.path.isfile(folder / problem):
+            return inside(folder, folder / problem)
     raise DomainError(f"there is no problem {problem!r}; {nearest(problem, names)}", file=folder / "problems")

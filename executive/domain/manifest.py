@@ -180,20 +180,19 @@ class Source:
                 self.fail(key, f"{action} has no parameter {term}; {nearest(term, names)}")
         return predicate, tuple(names.index(term) for term in terms)
 
-    def relation(self, predicate: str, said: str, names: Sequence[str]) -> str:
-        """What is said of a predicate, whose parameters are called `names`: the word of a relation and, where they are
-        not the predicate's own, its arguments, such as on(?tool, tray)."""
+    def call(self, key: Sequence[str], said: str, names: Sequence[str]) -> str:
+        """What is said of a predicate or an action, whose parameters are called `names`: the word of a relation or a
+        skill and, where they are not its own in their order, its arguments, such as on(?tool, tray)."""
         match = _CALL.fullmatch(said)
         if match is None:
             return said
-        key = ("predicates", predicate, "relation")
         terms = [term.strip().lower() for term in match[2].split(",") if term.strip()]
         for term in terms:
             if term.startswith("?") and term not in names:
-                self.fail(key, f"{predicate} has no parameter {term}; {nearest(term, names)}")
+                self.fail(key, f"{key[1]} has no parameter {term}; {nearest(term, names)}")
         for name in names:
             if name not in terms:
-                self.fail(key, f"{name} is missing: {predicate} would be the same for each")
+                self.fail(key, f"{name} is missing: {key[1]} would be the same for each")
         return f"{match[1]}({', '.join(terms)})"
 
     def check(

@@ -10,11 +10,26 @@ kinds.py   which relation belongs to a predicate, and the kinds of its arguments
 """
 
 from executive import former_names
-from executive.relations.basic import Kind, gripper_empty, gripping, on, takes
+from executive.relations.basic import Kind, clear, directly_on, gripper_empty, gripping, in_region, on, takes
 from executive.relations.convex import Part
-from executive.relations.scene import CONTACT, Relation, Scene, Solid
+from executive.relations.scene import CONTACT, Region, Relation, Scene, Solid
 
-__all__ = ["CONTACT", "Kind", "Part", "Relation", "Scene", "Solid", "gripper_empty", "gripping", "on", "takes"]
+__all__ = [
+    "CONTACT",
+    "Kind",
+    "Part",
+    "Region",
+    "Relation",
+    "Scene",
+    "Solid",
+    "clear",
+    "directly_on",
+    "gripper_empty",
+    "gripping",
+    "in_region",
+    "on",
+    "takes",
+]
 
 
 def __getattr__(name: str) -> object:

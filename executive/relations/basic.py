@@ -1,4 +1,5 @@
-"""The relations that come along: on a table, between the fingers, and nothing between them."""
+"""The relations that come along: on a table, directly on a thing, with nothing on it, in a region of a table, between
+the fingers, and nothing between them."""
 
 from __future__ import annotations
 
@@ -7,8 +8,8 @@ from typing import Literal, TypeVar
 
 from executive.relations.scene import Scene
 
-Kind = Literal["item", "table", "thing"]
-"""The kind of an argument: an [[item]] of the scene, a [[table]], or either."""
+Kind = Literal["item", "table", "thing", "region"]
+"""The kind of an argument: an [[item]] of the scene, a [[table]], either of both, or a [[region]]."""
 
 _Relation = TypeVar("_Relation", bound=Callable[..., bool])
 
@@ -34,6 +35,28 @@ def on(scene: Scene, item: str, table: str) -> bool:
     tables = scene.supports(item)
     centre = scene.items[item].centre
     return bool(tables) and table == min(tables, key=lambda name: scene.tables[name].beside(centre))
+
+
+@takes("item", "thing")
+def directly_on(scene: Scene, item: str, thing: str) -> bool:
+    """The thing carries the item itself: they touch, the item is above the thing's middle, and it is not gripped.
+
+    Where several things carry it, it is on the one whose centre is nearest beside its own.
+    """
+    return not gripping(scene, item) and scene.carrier(item) == thing
+
+
+@takes("item")
+def clear(scene: Scene, item: str) -> bool:
+    """No other item is directly on it."""
+    return not any(directly_on(scene, other, item) for other in scene.items if other != item)
+
+
+@takes("item", "region")
+def in_region(scene: Scene, item: str, region: str) -> bool:
+    """The item rests on the region's table, directly or on other items, with its centre of mass over the region."""
+    where = scene.regions[region]
+    return where.holds(scene.items[item].centre, scene.tables[where.table]) and on(scene, item, where.table)
 
 
 @takes("item")

@@ -20,9 +20,19 @@ from executive.relations.scene import Relation, Scene
 from executive.types import Atom, Task
 
 COME_ALONG: Mapping[str, Relation] = MappingProxyType(
-    {"on": basic.on, "gripping": basic.gripping, "gripper-empty": basic.gripper_empty}
+    {
+        "on": basic.on,
+        "directly-on": basic.directly_on,
+        "clear": basic.clear,
+        "in-region": basic.in_region,
+        "gripping": basic.gripping,
+        "gripper-empty": basic.gripper_empty,
+    }
 )
 """Those of this package by name."""
+
+THINGS = frozenset({"item", "table"})
+"""What an argument of the kind `thing` may be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +118,7 @@ def check_kinds(kinds: Mapping[str, RelationKind], task: Task, kind_of: Mapping[
     stand there is of the kind; a predicate of which no atom could ever be true is a mistake.
 
     Args:
-        kind_of: each object of the scene -> "item" or "table".
+        kind_of: each object of the scene -> "item", "table" or "region".
 
     Raises:
         DomainError: the first mistake; says which order would be right, if one is.
@@ -141,7 +151,7 @@ def check_kinds(kinds: Mapping[str, RelationKind], task: Task, kind_of: Mapping[
 
 
 def _fits(order: Sequence[str], kinds: Sequence[str], there: Mapping[str, set[str]]) -> bool:
-    return all(kind == "thing" or kind in there[word] for word, kind in zip(order, kinds, strict=True))
+    return all(there[word] & (THINGS if kind == "thing" else {kind}) for word, kind in zip(order, kinds, strict=True))
 
 
 def _one(kind: str) -> str:

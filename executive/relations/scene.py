@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -57,12 +58,27 @@ class Solid:
         return float(np.linalg.norm(np.maximum(np.maximum(local.min(axis=0) - at, at - local.max(axis=0)), 0.0)))
 
 
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A rectangle of a table's top: where its middle is from the table's, and half its extent, (2,) each in m along the
+    table's own x and y."""
+
+    table: str
+    centre: tuple[float, float]
+    half: tuple[float, float]
+
+    def holds(self, point: FloatArray, table: Solid) -> bool:
+        """Return whether a point (3,) is over the region."""
+        local = (point - table.position) @ table.rotation[:, :2]
+        return bool((np.abs(local - self.centre) <= self.half).all())
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """What is where.
 
     Attributes:
-        items, tables: by name.
+        items, tables, regions: by name.
         fingers: the left and the right one.
         feels: whether the fingers feel something between them.
         others: things that are there and of which nothing else is known.
@@ -75,6 +91,7 @@ class Scene:
     feels: bool
     others: Sequence[Solid] = ()
     tolerance: float = CONTACT
+    regions: Mapping[str, Region] = field(default_factory=lambda: MappingProxyType({}))
     _told: dict[tuple[int, int], tuple[bool, Solid, Solid]] = field(default_factory=dict, init=False, repr=False)
     """What was found to touch, with what keeps the numbers that it is filed under from being given away."""
 
@@ -100,6 +117,20 @@ class Scene:
             reached += beside
             frontier += beside
         return sorted(name for name, table in self.tables.items() if any(self.touch(each, table) for each in reached))
+
+    def carrier(self, item: str) -> str | None:
+        """Return the item or table that carries an item itself: of those that it touches and that it is above the
+        middle of, the one whose centre is nearest beside its own. None where it is on nothing."""
+        here = self.items[item]
+        lowest = min(float(part.bounds[0][2]) for part in here.parts)
+        below = {
+            name: float(np.hypot(*(other.centre - here.centre)[:2]))
+            if name in self.items
+            else other.beside(here.centre)
+            for name, other in {**self.tables, **self.items}.items()
+            if name != item and lowest > other.centre[2] and self.touch(here, other)
+        }
+        return min(sorted(below), key=below.__getitem__, default=None)
 
 
 Relation = Callable[..., bool]

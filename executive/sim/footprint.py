@@ -48,13 +48,15 @@ class Outline:
 
 def standing(shape: ItemShape) -> Outline:
     """The outline of an item that stands upright, along its own x and y."""
-    return Outline(float(shape.half[0]), float(shape.half[1]), shape.axis == 2)
+    return Outline(float(shape.half[0]), float(shape.half[1]), shape.axis == 2 or shape.is_ball)
 
 
 def resting(shape: ItemShape) -> tuple[Outline, ...]:
     """Its outlines in every way in which an item can rest on a table, the one in which it stands upright first."""
     x, y, z = map(float, shape.half)
-    if shape.axis is None:
+    if shape.is_ball:
+        sides = [Outline(x, x, is_round=True)]
+    elif shape.axis is None:
         sides = [Outline(a, b) for a, b in ((x, y), (y, z), (x, z))]
     else:
         along = float(shape.half[shape.axis])

@@ -1,7 +1,8 @@
-"""The initial state of a scene from a problem's `:init`: the table of each item, and the item in the gripper.
+"""The initial state of a scene from a problem's `:init`: what each item stands on, and the item in the gripper.
 
-Two relations are set up: the table of an item (`on`), and the item in the gripper (`gripping`). Every other literal of
-`:init` is checked afterwards, and refused if it does not hold: none is ignored.
+What is set up are the table of an item (`on`), the table or item that it stands on (`directly-on`), the region that it
+is in (`in-region`), and the item in the gripper (`gripping`). Every other literal of `:init` is checked afterwards, and
+refused if it does not hold: none is ignored.
 """
 
 from __future__ import annotations
@@ -25,12 +26,15 @@ Declared = Mapping[Atom, tuple[bool, int]]
 
 @dataclass(frozen=True, slots=True)
 class InitialState:
-    """The initial state of a run: the table of each item in `placed`, the excluded tables of each in `barred`, and the
-    item in the gripper. The rest is sampled."""
+    """The initial state of a run: the table of each item in `placed`, the excluded tables of each in `barred`, the item
+    that each stands on in `stacked` (none of these is in `placed`), the region of each in `regions`, and the item in
+    the gripper. The rest is sampled."""
 
     placed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     barred: Mapping[str, frozenset[str]] = field(default_factory=lambda: MappingProxyType({}))
     held: str | None = None
+    stacked: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    regions: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def read_initial_state(
@@ -48,6 +52,8 @@ def read_initial_state(
     items = [item.name for item in spec.items]
     placed: dict[str, str] = {}
     barred: dict[str, frozenset[str]] = {}
+    stacked: dict[str, str] = {}
+    regions: dict[str, str] = {}
     since: dict[str, int] = {}
     held: str | None = None
     empty: tuple[bool, int] | None = None
@@ -58,7 +64,21 @@ def read_initial_state(
     for atom, (value, line) in sorted(declared.items(), key=lambda entry: entry[1][1]):
         kind = kinds[atom.predicate]
         things = kind.about(atom)
-        if kind.name == "on":
+        if kind.name == "directly-on" and value and things[0] in items and things[1] in items:
+            item, base = things
+            if item == held:
+                fail(line, f"{item} is in the hand, by line {since[item]}, and not on {base}")
+            if stacked.setdefault(item, base) != base or item in placed:
+                fail(line, f"{item} is on {placed.get(item, stacked[item])} already, by line {since[item]}")
+            since.setdefault(item, line)
+        elif kind.name == "in-region" and value and things[0] in items and things[1] in spec.kinds:
+            item, region = things
+            if regions.setdefault(item, region) != region:
+                fail(
+                    line, f"{item} is in {regions[item]} already, by line {since[f'{item} in']}, and in one region only"
+                )
+            since.setdefault(f"{item} in", line)
+        elif kind.name == "on" or (kind.name == "directly-on" and value):
             item, table = things
             if item not in items:
                 fail(line, f"{item} is declared to be on {table!r}, and is no item; {nearest(item, items)}")
@@ -68,6 +88,8 @@ def read_initial_state(
                 barred[item], since[f"not {item}"] = barred.get(item, frozenset()) | {table}, line
             elif item == held:
                 fail(line, f"{item} is in the hand, by line {since[item]}, and not on {table}")
+            elif item in stacked and kind.name == "directly-on":
+                fail(line, f"{item} is on {stacked[item]} already, by line {since[item]}")
             elif placed.setdefault(item, table) != table:
                 fail(line, f"{item} is on {placed[item]} already, by line {since[item]}, and can be on one table only")
             else:
@@ -75,8 +97,9 @@ def read_initial_state(
         elif kind.name == "gripping" and value:
             if held is not None:
                 fail(line, f"the hand holds {held} already, by line {since[held]}, and can hold one item only")
-            if things[0] in placed:
-                fail(line, f"{things[0]} is on {placed[things[0]]}, by line {since[things[0]]}, and not in the hand")
+            below = placed | stacked
+            if things[0] in below:
+                fail(line, f"{things[0]} is on {below[things[0]]}, by line {since[things[0]]}, and not in the hand")
             held, since[things[0]] = things[0], line
         elif kind.name == "gripper-empty":
             empty = value, line
@@ -87,7 +110,18 @@ def read_initial_state(
     for item, without in barred.items():
         if placed.get(item) in without or (item not in placed and item != held and without.issuperset(tables)):
             fail(since[f"not {item}"], f"{item} has to be somewhere: on a table, or in the hand")
-    return InitialState(MappingProxyType(placed), MappingProxyType(barred), held)
+    for item in stacked:
+        tower = [item]
+        while (under := stacked.get(tower[-1])) is not None:
+            if under in tower:
+                fail(since[item], f"{item} is on {stacked[item]}, and under it as well")
+            tower.append(under)
+        if tower[-1] == held:
+            fail(since[item], f"{item} is on {stacked[item]}, and {held} is in the hand, by line {since[held]}")
+        placed.pop(item, None)  # it is where what it stands on is; whether that is there is checked afterwards
+    return InitialState(
+        MappingProxyType(placed), MappingProxyType(barred), held, MappingProxyType(stacked), MappingProxyType(regions)
+    )
 
 
 def too_large(

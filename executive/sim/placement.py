@@ -11,7 +11,7 @@ import numpy as np
 from executive.errors import DomainError, nearest
 from executive.sim import footprint
 from executive.sim.scene import ItemShape
-from executive.sim.spec import SceneSpec, TableSpec
+from executive.sim.spec import RegionSpec, SceneSpec, TableSpec
 from executive.types import FloatArray
 
 _ROUNDS, _TRIES = 200, 60
@@ -28,9 +28,11 @@ def draw(
     rng: np.random.Generator,
     file: Path,
     barred: Mapping[str, Collection[str]] = MappingProxyType({}),
+    stacked: Mapping[str, str] = MappingProxyType({}),
+    regions: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, FloatArray]:
-    """A pose (7,) for every item. `placed` fixes the table of some, `barred` says where some do not stand; the rest
-    stand on any.
+    """A pose (7,) for every item. `placed` fixes the table of some, `barred` says where some do not stand, `stacked`
+    which item some stand on, and `regions` in which region some are; the rest stand on any table.
 
     Items are kept apart by the circles around them, which is quick; where no place is found so, by their outlines.
 
@@ -38,6 +40,8 @@ def draw(
         DomainError: an item is declared to stand where there is no table, is too large for the tables that it may stand
             on, these are out of the arm's reach, or no room was found.
     """
+    if stacked or regions:
+        return _draw_towers(spec, shapes, placed, rng, file, barred, stacked, regions)
     tables = [table.name for table in spec.tables]
     for item, table in placed.items():
         if table not in tables:
@@ -55,6 +59,78 @@ def draw(
         else:
             return {item: poses[item] for item in shapes}
     return _draw_by_outlines(spec, shapes, placed, rng, file, barred)
+
+
+def _draw_towers(
+    spec: SceneSpec,
+    shapes: Mapping[str, ItemShape],
+    placed: Mapping[str, str],
+    rng: np.random.Generator,
+    file: Path,
+    barred: Mapping[str, Collection[str]],
+    stacked: Mapping[str, str],
+    regions: Mapping[str, str],
+) -> dict[str, FloatArray]:
+    """What `draw` draws where some items stand on others, or in regions: the lowest item of each tower with room for
+    the widest, those in regions first, and the others upon it, centred."""
+    tables, where = {table.name: table for table in spec.tables}, {region.name: region for region in spec.regions}
+    towers = {item: [item] for item in shapes if item not in stacked}
+    for item in shapes:
+        base = item
+        while base in stacked:
+            base = stacked[base]
+        if base in towers and base != item:
+            towers[base].append(item)
+    widest = {base: max((shapes[item] for item in tower), key=circle) for base, tower in towers.items()}
+    region_of = {base: next((regions[i] for i in tower if i in regions), None) for base, tower in towers.items()}
+    tops: dict[str, float] = {}
+    for _ in range(_ROUNDS):
+        poses: dict[str, FloatArray] = {}
+        for base in sorted(towers, key=lambda base: (region_of[base] is None, base not in placed)):
+            region = region_of[base]
+            if region is None:
+                found = free_spot(spec, widest, base, poses, rng, placed.get(base), barred.get(base, ()))
+            else:
+                found = _spot_in(spec, where[region], widest, base, poses, rng)
+            if found is None:
+                break
+            table = tables[found[0]]
+            poses[base] = upright(shapes[base], found[1][:2], table, float(rng.uniform(-np.pi, np.pi)))
+            tops[base] = table.centre[2] + 2 * float(shapes[base].half[2])
+        else:
+            break
+    else:
+        raise DomainError(
+            f"no room was found for {', '.join(towers)}: widen tables or regions, or lower the gap",
+            file=file,
+            key="placement.gap",
+        )
+    while len(poses) < len(shapes):
+        for item, base in stacked.items():
+            if item not in poses and base in poses:
+                at = poses[base][:2]
+                poses[item] = standing_at(shapes[item], at, tops[base], float(rng.uniform(-np.pi, np.pi)))
+                tops[item] = tops[base] + 2 * float(shapes[item].half[2])
+    return {item: poses[item] for item in shapes}
+
+
+def _spot_in(
+    spec: SceneSpec,
+    region: RegionSpec,
+    shapes: Mapping[str, ItemShape],
+    item: str,
+    others: Mapping[str, FloatArray],
+    rng: np.random.Generator,
+) -> tuple[str, FloatArray] | None:
+    """A random place in a region for an item, apart from all others, or None."""
+    table = next(table for table in spec.tables if table.name == region.table)
+    radius = circle(shapes[item])
+    free = np.maximum(0.5 * np.asarray(region.size) - radius, 0.0)
+    for _ in range(_TRIES):
+        spot = _on(table, np.asarray(region.centre) + rng.uniform(-1.0, 1.0, 2) * free)
+        if all(np.hypot(*(pose[:2] - spot)) >= radius + circle(shapes[name]) for name, pose in others.items()):
+            return table.name, spot
+    return None
 
 
 def _draw_by_outlines(
@@ -188,7 +264,7 @@ def free_spot(
 
 def circle(shape: ItemShape) -> float:
     """Radius in m of the circle around an upright item's outline."""
-    return float(shape.half[0] if shape.axis == 2 else np.hypot(shape.half[0], shape.half[1]))
+    return float(shape.half[0] if shape.axis == 2 or shape.is_ball else np.hypot(shape.half[0], shape.half[1]))
 
 
 def random_point(table: TableSpec, inset: float, rng: np.random.Generator) -> FloatArray | None:
@@ -208,8 +284,13 @@ def _on(table: TableSpec, local: FloatArray) -> FloatArray:
 
 def upright(shape: ItemShape, spot: FloatArray, table: TableSpec, yaw: float) -> FloatArray:
     """The pose (7,) of an item that stands on the table with the centre of its outline at `spot`."""
+    return standing_at(shape, spot, table.centre[2], yaw)
+
+
+def standing_at(shape: ItemShape, spot: FloatArray, height: float, yaw: float) -> FloatArray:
+    """The pose (7,) of an item that stands upright at a `height` in m with the centre of its outline at `spot` (2,)."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     x = spot[0] - (cos * shape.centre[0] - sin * shape.centre[1])
     y = spot[1] - (sin * shape.centre[0] + cos * shape.centre[1])
-    z = table.centre[2] + shape.half[2] - shape.centre[2] + 0.001
+    z = height + shape.half[2] - shape.centre[2] + 0.001
     return np.array([x, y, z, np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])

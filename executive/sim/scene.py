@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from executive.sim import assets, meshes
-from executive.sim.spec import TEXTURES, CameraSpec, ItemSpec, SceneSpec, TableSpec
+from executive.sim.spec import TEXTURES, CameraSpec, ItemSpec, RegionSpec, SceneSpec, TableSpec
 from executive.types import FloatArray
 
 JOINTS = (
@@ -68,10 +68,13 @@ class ItemShape:
     centre: FloatArray
     half: FloatArray
     axis: int | None = None
-    """The body axis (0, 1, 2 for x, y, z) that the shape is round about, None for a box."""
+    """The body axis (0, 1, 2 for x, y, z) that the shape is round about, None for a box and a ball."""
+    is_ball: bool = False
 
     def reach(self, direction: FloatArray) -> float:
         """How far in m the shape extends from its centre along the unit vector `direction` (3,) of its own frame."""
+        if self.is_ball:
+            return float(self.half[0])
         if self.axis is None:
             return float(np.abs(direction) @ self.half)
         along = abs(float(direction[self.axis]))
@@ -108,6 +111,9 @@ def build(spec: SceneSpec, *, visuals: bool = True) -> mujoco.MjSpec:
     _robot(scene, spec)
     for table in spec.tables:
         _table(scene, table, visuals)
+    if visuals:
+        for region in spec.regions:
+            _region(scene, region)
     for item in spec.items:
         _item(scene, item)
     for camera in spec.cameras:
@@ -241,6 +247,8 @@ def _table(scene: mujoco.MjSpec, table: TableSpec, visuals: bool) -> None:
         friction=[1.0, 0.005, 0.0001],
     )
     plate.group = ITEM
+    if table.rim > 0.0:
+        _rim(body, table, half)
     if not visuals:
         return
     if table.texture is not None:
@@ -263,17 +271,65 @@ def _table(scene: mujoco.MjSpec, table: TableSpec, visuals: bool) -> None:
             )  # fmt: skip
 
 
+_RIM = 0.008
+"""m that a table's rim is thick; it stands outside of the top."""
+
+
+def _rim(body: mujoco.MjsBody, table: TableSpec, half: FloatArray) -> None:
+    height = 0.5 * (table.size[2] + table.rim)
+    for axis in (0, 1):
+        for side in (-1, 1):
+            size, position = np.array([*half[:2], height]), np.array([0.0, 0.0, height - half[2]])
+            size[axis], size[1 - axis] = 0.5 * _RIM, half[1 - axis] + (_RIM if axis == 0 else 0.0)
+            position[axis] = side * (half[axis] + 0.5 * _RIM)
+            body.add_geom(
+                name=f"{table.name}/rim-{2 * axis + (side + 1) // 2}", type=mujoco.mjtGeom.mjGEOM_BOX, size=size,
+                pos=position, rgba=table.rgba, group=ITEM,
+            )  # fmt: skip
+
+
+_PAINT = 0.0005
+"""m that a painted region is thick: what is drawn in the very plane of a table's top flickers."""
+
+
+def _region(scene: mujoco.MjSpec, region: RegionSpec) -> None:
+    if region.rgba is None:
+        return
+    table = scene.body(region.table)
+    top = scene.geom(f"{region.table}/top").size[2]
+    table.add_geom(
+        name=f"{region.name}/paint", type=mujoco.mjtGeom.mjGEOM_BOX, group=VISUAL, contype=0, conaffinity=0,
+        size=[0.5 * region.size[0], 0.5 * region.size[1], _PAINT], pos=[*region.centre, top], rgba=region.rgba,
+    )  # fmt: skip
+
+
+_PRIMITIVES = {
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+}
+
+_SHINE = {"rubber": (0.1, 0.05), "wood": (0.15, 0.1), "glass": (1.0, 0.9), "metal": (1.0, 0.6)}
+"""Specularity and shininess of materials, from 0 to 1, as MuJoCo draws them."""
+
+
 def _item(scene: mujoco.MjSpec, item: ItemSpec) -> None:
     body = scene.worldbody.add_body(name=item.name)
     body.add_freejoint(name=f"{item.name}/free")
     friction = [item.friction, 0.02, 0.003]  # sliding; torsional and rolling, both in m: round things come to rest
     if item.shape is not None and item.size is not None:
-        kind = mujoco.mjtGeom.mjGEOM_BOX if item.shape == "box" else mujoco.mjtGeom.mjGEOM_CYLINDER
         x, y, z = (0.5 * extent for extent in item.size)
-        body.add_geom(
-            name=f"{item.name}/body", type=kind, size=[x, y, z] if item.shape == "box" else [x, z, 0],
+        size = {"box": [x, y, z], "cylinder": [x, z, 0], "sphere": [x, 0, 0]}[item.shape]
+        geom = body.add_geom(
+            name=f"{item.name}/body", type=_PRIMITIVES[item.shape], size=size,
             rgba=item.rgba or (0.7, 0.7, 0.7, 1), mass=item.mass, friction=friction, condim=6, group=ITEM,
         )  # fmt: skip
+        if item.material is not None:
+            specular, shininess = _SHINE[item.material]
+            scene.add_material(
+                name=f"{item.name}/material", specular=specular, shininess=shininess, rgba=geom.rgba
+            )  # fmt: skip
+            geom.material = f"{item.name}/material"
         return
     source = assets.load(f"objects/{item.asset}.xml")
     inner = source.body("object")
@@ -360,7 +416,8 @@ def item_shapes(model: mujoco.MjModel, spec: SceneSpec) -> dict[str, ItemShape]:
             points = in_root_frame(model, geom, _geom_points(model, geom))
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
         axis = 2 if item.shape == "cylinder" else _ROUND.get(item.asset or "")
-        shapes[item.name] = ItemShape(item.name, 0.5 * (low + high), 0.5 * (high - low), axis)
+        is_ball = item.shape == "sphere"
+        shapes[item.name] = ItemShape(item.name, 0.5 * (low + high), 0.5 * (high - low), axis, is_ball)
     return shapes
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from executive.relations import Part, Scene, Solid
+from executive.relations import Part, Region, Scene, Solid
 from executive.sim.spec import SceneSpec
 from executive.types import FloatArray
 
@@ -34,6 +34,10 @@ class Solids:
             )
             for table in spec.tables
         }
+        self.regions: Mapping[str, Region] = {
+            region.name: Region(region.table, region.centre, (0.5 * region.size[0], 0.5 * region.size[1]))
+            for region in spec.regions
+        }
         self._items = {item.name: _touchable(model, [model.body(item.name).id], rooted=True) for item in spec.items}
         self._fingers = [_touchable(model, [model.body(name).id for name in names]) for names in FINGERS]
         self._corners = {
@@ -43,7 +47,7 @@ class Solids:
     def scene(self, data: mujoco.MjData) -> Scene:
         """Return the scene of a state, with kinematics and contacts computed."""
         items = {name: self._solid(data, self._model.body(name).id, geoms) for name, geoms in self._items.items()}
-        return Scene(items, self.tables, self.fingers(data), self._feels(data))
+        return Scene(items, self.tables, self.fingers(data), self._feels(data), regions=self.regions)
 
     def fingers(self, data: mujoco.MjData) -> tuple[Solid, Solid]:
         """Return the left and the right finger where a state has them."""

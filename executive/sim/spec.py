@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from executive.errors import DomainError, nearest
+from executive.sim.described import attributes_of, keys_of
 from executive.util.files import read_toml
 from executive.util.validation import first_mistake
 
@@ -26,6 +27,8 @@ Positive = Annotated[float, Field(gt=0)]
 
 ASSETS = ("milk", "bread", "lemon", "can", "cereal", "bottle")
 """robosuite's objects that an item may be made from."""
+
+Material = Literal["rubber", "metal", "wood", "glass"]
 
 TEXTURES = {"wood": "light-wood.png", "dark-wood": "dark-wood.png", "ceramic": "ceramic.png"}
 """robosuite's textures that a table may wear."""
@@ -54,7 +57,8 @@ class RobotSpec(_Strict):
 
 
 class TableSpec(_Strict):
-    """A box whose top face, at `centre`, carries items. `size` is the full extent along its own x, y and z."""
+    """A box whose top face, at `centre`, carries items. `size` is the full extent along its own x, y and z; a `rim`
+    stands that much higher around it."""
 
     name: Name
     centre: Vec3
@@ -62,6 +66,34 @@ class TableSpec(_Strict):
     yaw: float = 0.0
     rgba: Colour = (1.0, 1.0, 1.0, 1.0)
     texture: Literal["wood", "dark-wood", "ceramic"] | None = None
+    rim: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+
+
+class RegionSpec(_Strict):
+    """A rectangle of a table's top. `centre` is where its middle is from the middle of the table, and `size` its full
+    extent, both along the table's own x and y; it is painted where it has a colour."""
+
+    name: Name
+    table: Name
+    centre: tuple[float, float]
+    size: tuple[Positive, Positive]
+    rgba: Colour | None = None
+
+
+class ItemPart(_Strict):
+    """The keys of an item that a value of an attribute decides."""
+
+    asset: str | None = None
+    scale: Positive | tuple[Positive, Positive, Positive] | None = None
+    shape: Literal["box", "cylinder", "sphere"] | None = None
+    size: Vec3 | None = None
+    rgba: Colour | None = None
+    material: Material | None = None
+    mass: Positive | None = None
+    friction: Positive | None = None
+
+    def keys_said(self) -> dict[str, Any]:
+        return self.model_dump(exclude_none=True)
 
 
 class ItemSpec(_Strict):
@@ -70,10 +102,14 @@ class ItemSpec(_Strict):
     name: Name
     asset: str | None = None
     scale: Positive | tuple[Positive, Positive, Positive] = 1.0
-    shape: Literal["box", "cylinder"] | None = None
+    shape: Literal["box", "cylinder", "sphere"] | None = None
     size: Vec3 | None = None
-    """Full extents of a primitive: (x, y, z); a cylinder's diameter is x."""
+    """Full extents of a primitive: (x, y, z); a cylinder's or a sphere's diameter is x."""
     rgba: Colour | None = None
+    material: Material | None = None
+    """What it is made of, which decides how it shines."""
+    attributes: Mapping[str, str] = {}
+    """What it is described by: attribute -> value, of the scene's `[attributes]`."""
     mass: Positive = 0.1
     friction: Positive = 0.95
 
@@ -89,6 +125,8 @@ class ItemSpec(_Strict):
             raise ValueError("'scale' is for an 'asset'; a 'shape' has its 'size'")
         if self.asset is not None and self.size is not None:
             raise ValueError("'size' is for a 'shape'; an 'asset' has its 'scale'")
+        if self.shape == "sphere" and self.size is not None and len(set(self.size)) > 1:
+            raise ValueError("a sphere's 'size' is its diameter three times")
         return self
 
 
@@ -125,25 +163,67 @@ class SceneSpec(_Strict):
 
     robot: RobotSpec
     tables: Annotated[tuple[TableSpec, ...], Field(min_length=1, alias="table")]
-    items: Annotated[tuple[ItemSpec, ...], Field(min_length=1, alias="item")]
+    items: Annotated[tuple[ItemSpec, ...], Field(alias="item")] = ()
+    regions: Annotated[tuple[RegionSpec, ...], Field(alias="region")] = ()
+    attributes: Mapping[str, Mapping[str, ItemPart]] = {}
+    """What items can be described by: attribute -> value -> what it decides of an item."""
     cameras: Annotated[tuple[CameraSpec, ...], Field(min_length=1, alias="camera")]
     placement: PlacementSpec = PlacementSpec()
     timestep: Annotated[float, Field(ge=1e-4, le=0.005)] = 0.002
     """Seconds. What happens takes the longer to simulate the shorter these are."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _from_attributes(cls, said: Any) -> Any:
+        """Gives items with `attributes` the keys that these stand for; what an item says itself counts for more."""
+        if not isinstance(said, Mapping) or not isinstance(said.get("item"), list):
+            return said
+        known = {
+            name: values if isinstance(values, Mapping) else {}
+            for name, values in (said.get("attributes") or {}).items()
+        }
+        items = []
+        for item in said["item"]:
+            words = item.get("attributes") if isinstance(item, Mapping) else None
+            if isinstance(words, list) and all(isinstance(word, str) for word in words):
+                try:
+                    described = attributes_of(words, known)
+                except ValueError as error:
+                    raise ValueError(f"item {item.get('name')!r}: {error}") from None
+                item = {**keys_of(described, known), **item, "attributes": described}
+            items.append(item)
+        return {**said, "item": items}
+
     @model_validator(mode="after")
     def _names_once(self) -> Self:
+        if not self.items and not self.attributes:
+            raise ValueError("there is no [[item]], and no [attributes] that items can be described by")
+        tables = [table.name for table in self.tables]
         for kind, names in (
-            ("item or table", [*(item.name for item in self.items), *(table.name for table in self.tables)]),
+            ("item, table or region", [*(item.name for item in self.items), *tables, *(r.name for r in self.regions)]),
             ("camera", [camera.name for camera in self.cameras]),
         ):
             twice = sorted({name for name in names if names.count(name) > 1})
             if twice:
                 raise ValueError(f"{kind} {twice[0]!r} is named twice")
+        for region in self.regions:
+            if region.table not in tables:
+                raise ValueError(
+                    f"region {region.name!r} is on no table {region.table!r}; {nearest(region.table, tables)}"
+                )
         return self
 
+    @property
+    def kinds(self) -> dict[str, str]:
+        """What each name stands for: an item, a table or a region."""
+        return {
+            **{item.name: "item" for item in self.items},
+            **{table.name: "table" for table in self.tables},
+            **{region.name: "region" for region in self.regions},
+        }
+
     def restricted_to(self, objects: Mapping[str, str], file: Path) -> SceneSpec:
-        """The same scene with the items of one problem alone.
+        """The same scene with the items of one problem alone; those that it does not list are made from their names.
 
         Args:
             objects: the problem's objects, name -> PDDL type.
@@ -152,16 +232,32 @@ class SceneSpec(_Strict):
         Raises:
             DomainError: an object of the problem has no body here.
         """
-        bodies = [*(item.name for item in self.items), *(table.name for table in self.tables)]
+        bodies, made = self.kinds, []
         for name in objects:
             if name not in bodies:
-                raise DomainError(
-                    f"the problem's object {name!r} has no body: add an [[item]] or [[table]] with this name; "
-                    f"{nearest(name, bodies)}",
-                    file=file,
-                    key="item",
-                )
-        return self.model_copy(update={"items": tuple(item for item in self.items if item.name in objects)})
+                made.append(self._described(name, file))
+        items = (*(item for item in self.items if item.name in objects), *made)
+        return self.model_copy(update={"items": items})
+
+    def _described(self, name: str, file: Path) -> ItemSpec:
+        """The item that a name describes, such as small-red-metal-cube.
+
+        Raises:
+            DomainError: it describes none.
+        """
+        why = f"add an [[item]] or [[table]] with this name; {nearest(name, self.kinds)}"
+        if self.attributes:
+            parts = {
+                key: {v: part.keys_said() for v, part in values.items()} for key, values in self.attributes.items()
+            }
+            try:
+                described = attributes_of(name.split("-"), parts)
+                return ItemSpec.model_validate({**keys_of(described, parts), "name": name, "attributes": described})
+            except ValidationError as error:
+                why = f"made from its name, {first_mistake(error, ItemSpec)[1]}"
+            except ValueError as error:
+                why = f"as a description of an item, {error}; or add an [[item]] with this name"
+        raise DomainError(f"the problem's object {name!r} has no body: {why}", file=file, key="item")
 
 
 def read_scene(file: Path) -> SceneSpec:

@@ -53,7 +53,7 @@ def exact(model: mujoco.MjModel, geom: int, body: str) -> Geometry:
         vertices, faces = _mesh(model, model.geom_dataid[geom])
     else:
         triangles = _triangles(model, geom)
-        assert triangles is not None  # items are meshes, boxes and cylinders
+        assert triangles is not None  # items are meshes, boxes, cylinders and balls
         vertices, faces = triangles
     local = scene.in_root_frame(model, geom, np.asarray(vertices, dtype=float))
     return Geometry(body, local.astype(np.float32), faces, _colour(model, geom), body)
@@ -95,7 +95,22 @@ def _triangles(model: mujoco.MjModel, geom: int) -> tuple[npt.NDArray[np.float64
         return vertices, (offsets + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3).astype(np.uint32)
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return _cylinder(float(size[0]), float(size[1]))
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return _ball(float(size[0]))
     return None
+
+
+def _ball(radius: float, rings: int = 12) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:
+    """A sphere of `rings` rows of quadrilaterals, twice as many to a row."""
+    polar, around = np.linspace(0.0, np.pi, rings + 1), np.linspace(0.0, 2 * np.pi, 2 * rings, endpoint=False)
+    ring = np.stack([np.cos(around), np.sin(around)], axis=1)
+    vertices = np.concatenate([np.column_stack([np.sin(p) * ring, np.full(len(ring), np.cos(p))]) for p in polar])
+    i, j = np.arange(2 * rings), (np.arange(2 * rings) + 1) % (2 * rings)
+    quads = [
+        np.concatenate([np.stack([a + i, b + i, b + j], axis=1), np.stack([a + i, b + j, a + j], axis=1)])
+        for a, b in ((2 * rings * row, 2 * rings * (row + 1)) for row in range(rings))
+    ]
+    return radius * vertices, np.concatenate(quads).astype(np.uint32)
 
 
 def _cylinder(radius: float, half: float, sides: int = 24) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:

@@ -63,6 +63,8 @@ class MujocoWorld:
         keep_trees: whether skills report the search trees of their motions.
         first_observation: the number of the first look.
         depth: whether looks have the depth pictures of the cameras that measure depth.
+        stacked: item -> the item that it stands on.
+        regions: item -> the region that it is in.
 
     Raises:
         DomainError: the scene file is wrong, an object has no body, the items find no place, or the hand cannot hold
@@ -84,6 +86,8 @@ class MujocoWorld:
         barred: Mapping[str, Collection[str]] = MappingProxyType({}),
         held: str | None = None,
         depth: bool = False,
+        stacked: Mapping[str, str] = MappingProxyType({}),
+        regions: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         spec = read_scene(file).restricted_to(objects, file)
         self.items = tuple(item.name for item in spec.items)
@@ -118,7 +122,7 @@ class MujocoWorld:
         self._pads = [self.model.geom(name).id for name in scene.PADS]
         self._places = {item.name: self.model.joint(f"{item.name}/free").qposadr[0] for item in self.spec.items}
         limits = self._limits(file)
-        self._reset(dict(placed or {}), file, barred, held)
+        self._reset(dict(placed or {}), file, barred, held, stacked, regions)
         spare = unknown.boxes() if depth else ()
         stage = self.spec.model_copy(update={"items": (*self.spec.items, *spare)})
         # The handle refers back weakly: a world holds a hundred megabytes, which go when its owner lets go of it.
@@ -359,6 +363,8 @@ class MujocoWorld:
         file: Path,
         barred: Mapping[str, Collection[str]] = MappingProxyType({}),
         held: str | None = None,
+        stacked: Mapping[str, str] = MappingProxyType({}),
+        regions: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         home = np.asarray(self.spec.robot.home)
         self._closed = 0.0
@@ -367,7 +373,7 @@ class MujocoWorld:
             self.data.qpos[self._arm] = home
             self.command(home, np.zeros(6))
             shapes = {item: self.shapes[item] for item in self.items if item != held}
-            poses = placement.draw(self.spec, shapes, placed, self._placement_rng, file, barred)
+            poses = placement.draw(self.spec, shapes, placed, self._placement_rng, file, barred, stacked, regions)
             for item, pose in poses.items():
                 self.put(item, pose)
             for number, box in enumerate(self.boxes):

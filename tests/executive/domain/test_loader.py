@@ -62,7 +62,7 @@ def edit(folder: Path, old: str, new: str, file: str = "domain.toml") -> None:
 
 def test_the_shipped_domain_is_found_by_name_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert list_domains() == ("grocery",)
+    assert list_domains() == ("blocksworld", "grocery")
     domain = load_domain("grocery")  # with the skills and relations that the installed packages register
     assert (domain.name, domain.world, domain.task.problem) == ("grocery", "mujoco", "sort-all")
     assert domain.skills == {"pick": "pick", "place": "place"}
@@ -102,16 +102,17 @@ def test_a_wrong_problem_is_answered_with_the_right_ones(problem: str) -> None:
     assert ("did you mean 'breakfast'?" in message) is (problem == "brekfast")
 
 
-def test_a_problem_outside_the_folder_is_refused(folder: Path) -> None:
+def test_a_problem_may_be_a_pddl_file_anywhere_that_the_caller_names(folder: Path) -> None:
     outside = folder.parent / "other.pddl"
-    shutil.copy(folder / "problem.pddl", outside)
-    for problem in (str(outside), "../other.pddl"):
-        assert "leads outside the domain folder" in said(folder, problem)
+    text = (folder / "problem.pddl").read_text(encoding="utf-8")
+    outside.write_text(text.replace("(problem ", "(problem other-", 1), encoding="utf-8")
+    assert load(folder, str(outside)).task.problem.startswith("other-")
+    assert "leads outside the domain folder" in said(folder, "../other.pddl"), "this one is looked for in the folder"
 
 
 def test_a_wrong_domain_is_answered_with_the_right_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert said("grocry") == (
-        "grocry: no such folder, nor a shipped domain of that name; did you mean 'grocery'? valid: grocery"
+        "grocry: no such folder, nor a shipped domain of that name; did you mean 'grocery'? valid: blocksworld, grocery"
     )
     assert "there is no domain.toml in this folder" in said(tmp_path)
     (tmp_path / "file").touch()
