@@ -105,8 +105,7 @@ class Domain:
 
 def list_domains() -> tuple[str, ...]:
     """The names of the domains that are shipped with Executive."""
-    found = [*_SHIPPED.glob(f"*/{MANIFEST}"), *_SHIPPED.glob(f"*/*/{MANIFEST}")]
-    return tuple(sorted(path.parent.relative_to(_SHIPPED).as_posix() for path in found))
+    return tuple(sorted(path.parent.relative_to(_SHIPPED).as_posix() for path in _SHIPPED.rglob(MANIFEST)))
 
 
 def load_domain(
