@@ -71,7 +71,7 @@ def test_a_name_that_describes_no_item_is_refused(spec: SceneSpec, scene: Path, 
 
 
 def test_attributes_come_in_any_order() -> None:
-    known = {"size": {"small": {}}, "colour": {"red": {}, "blue": {}}}
+    known: dict[str, dict[str, dict[str, str]]] = {"size": {"small": {}}, "colour": {"red": {}, "blue": {}}}
     assert attributes_of(["blue", "small"], known) == {"size": "small", "colour": "blue"}
 
 
