@@ -1,4 +1,4 @@
-"""What a run leaves, in the formats of others: MCAP for robot logs.
+"""What a run leaves, in the formats of others: MCAP for robot logs, behaviour trees for plans.
 
 Each of them is read by its own side's tools; nothing of Executive is needed there.
 """
@@ -9,11 +9,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from executive.export.behaviour_trees import monitored_tree, py_tree
+    from executive.export.btcpp import btcpp_xml
     from executive.export.mcap_file import export_mcap
+    from executive.export.plans import tree_of_problem, tree_of_run
 
-__all__ = ["export_mcap"]
+__all__ = ["btcpp_xml", "export_mcap", "monitored_tree", "py_tree", "tree_of_problem", "tree_of_run"]
 
-_FROM = {"export_mcap": "executive.export.mcap_file"}
+_FROM = {
+    "btcpp_xml": "executive.export.btcpp",
+    "export_mcap": "executive.export.mcap_file",
+    "monitored_tree": "executive.export.behaviour_trees",
+    "py_tree": "executive.export.behaviour_trees",
+    "tree_of_problem": "executive.export.plans",
+    "tree_of_run": "executive.export.plans",
+}
 
 
 def __getattr__(name: str) -> object:
