@@ -12,8 +12,8 @@ from executive.export.behaviour_trees import Node, monitored_tree
 from executive.export.recording import Recording
 from executive.types import Facts, NoPlan, Plan
 
-_PATIENCE = {"max_retries": "retries", "precondition_wait": "waits", "max_looks_again": "looks_again"}
-"""The settings of a run that its trees have."""
+_PATIENCE = {"max_retries": 2, "precondition_wait": 2, "max_looks_again": 3}
+"""The settings of a run that its trees have, and what they were in a record that does not tell."""
 
 Named = tuple[Node, Mapping[str, tuple[str, ...]]]
 """A tree, and the names of its actions' parameters where they are known."""
@@ -30,8 +30,11 @@ def tree_of_run(run: Path | str, number: int = 1) -> Named:
     if not 1 <= number <= len(plans):
         raise InputError(f"has plans 1 to {len(plans)}, and no plan {number}", file=recording.folder)
     started = recording.started
-    patience = {name: int(started.settings[key]) for key, name in _PATIENCE.items() if key in started.settings}
-    return monitored_tree(plans[number - 1].steps, started.task.goal, **patience), {}
+    retries, waits, looks_again = (int(started.settings.get(key, usual)) for key, usual in _PATIENCE.items())
+    tree = monitored_tree(
+        plans[number - 1].steps, started.task.goal, retries=retries, waits=waits, looks_again=looks_again
+    )
+    return tree, {}
 
 
 def tree_of_problem(domain: str, problem: str | None = None) -> Named | NoPlan:

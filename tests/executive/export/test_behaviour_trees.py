@@ -36,9 +36,10 @@ class Table:
     seen: dict[Atom, bool] = field(default_factory=dict)
     looks: int = 0
 
-    def look(self) -> None:
+    def look(self) -> bool:
         self.looks += 1
         self.seen = {atom: value for atom, value in self.state.items() if atom not in self.hidden}
+        return True
 
     def holds(self, atom: Atom) -> bool | None:
         return self.seen.get(atom)
@@ -82,7 +83,7 @@ def tick_btcpp(tree: Node, table: Table, parameters: Mapping[str, tuple[str, ...
         return tick
 
     factory = BehaviorTreeFactory()
-    factory.register_simple_action("Look", lambda node: status(table.look() is None))
+    factory.register_simple_action("Look", lambda node: status(table.look()))
     factory.register_simple_condition("Holds", lambda node: status(table.holds(Atom.parse(node.name())) is True))
     factory.register_simple_condition("HoldsNot", lambda node: status(table.holds(Atom.parse(node.name())) is False))
     for action in {action for action, _ in steps}:
