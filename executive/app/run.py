@@ -41,7 +41,8 @@ from executive.types import Facts
 from executive.util import requirements
 
 if TYPE_CHECKING:
-    from executive.s3e.estimator import S3E
+    from executive.s3e import S3E, Backend
+    from executive.s3e.backends.own_process import OwnProcess
 
 __all__ = [
     "CONFIG",
@@ -66,6 +67,9 @@ class Run:
         InputError: the configuration has one, or the run's folder exists; or the run in `folder` cannot be resumed.
         MissingError: the machine lacks a package or a library.
     """
+
+    _own: OwnProcess | None = None
+    """The model, where this run has opened it."""
 
     def __init__(
         self,
@@ -94,17 +98,23 @@ class Run:
             seconds = min(30.0, config.patience, config.settings().max_seconds)
             oracle = oracle_sensor_model(config)
             self.monitor = open_monitor(config.monitor, self.domain, estimator_config, seconds, oracle)
-        # Loading a model takes long and may fail: it comes before anything that would have to be undone.
         if estimator_config is not None and vlm is None:
-            vlm = open_estimator(estimator_config, self.domain.subject)
+            vlm = open_estimator(estimator_config, self.domain.subject, self._in_own_process)
         first_observation = 0 if self._past is None else self._past.observations
-        self._stage = setting.open(first_observation)
+        try:
+            self._stage = setting.open(first_observation)
+        except BaseException:
+            self._close_model()
+            raise
         self.world, self.truth = self._stage.world, self._stage.truth
         self.folder = make_folder(config, self.domain) if folder is None else folder
         self._collector = Collector()
         try:
             self.executive = self._assemble(planner, setting.faults, vlm, sinks, view, log)
+            if self._own is not None:
+                self._own.ready()
         except BaseException:  # Ctrl-C too: a run that never began leaves no folder
+            self._close_model()
             if folder is None:
                 shutil.rmtree(self.folder, ignore_errors=True)
             raise
@@ -117,8 +127,22 @@ class Run:
     ) -> None:
         for sink in self._sinks:
             sink.close()
+        self._close_model()
         self.world.close()
         requirements.give_back_memory()
+
+    def _in_own_process(self, model: str) -> Backend:
+        """Have a model loaded in a process of its own, while the rest of the run is set up."""
+        from executive.s3e.backends.checkpoint import find
+        from executive.s3e.backends.own_process import OwnProcess
+
+        find(model)  # what is wrong with its files is said at once
+        self._own = OwnProcess(model)
+        return self._own
+
+    def _close_model(self) -> None:
+        if self._own is not None:
+            self._own.close()
 
     def cancel(self, why: str = "") -> None:
         """Stop the arm and end the run as interrupted; safe to call from a signal handler."""
@@ -182,7 +206,12 @@ class Run:
             limit_skills(faulty_skills(skills, faults), config.patience, left=self._seconds_left),
             None
             if estimator is None
-            else limit_estimator(faulty_estimator(estimator, faults), config.patience, self._seconds_left),
+            else limit_estimator(
+                faulty_estimator(estimator, faults),
+                config.patience,
+                self._seconds_left,
+                end=(lambda: None) if self._own is None else self._own.end,
+            ),
             sinks=self._sinks,
             settings=config.settings(),
             faults=faults,

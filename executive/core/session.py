@@ -36,7 +36,6 @@ from executive.types import (
     Step,
     Timing,
 )
-from executive.util.timeout import uninterrupted
 
 log = logging.getLogger(__name__)
 
@@ -215,6 +214,8 @@ class Session:
                 guard.close()
             self.emit(result)
         self.check_cancelled()
+        if result.status is SkillStatus.TIMED_OUT:  # it may be left behind in the middle of a motion
+            self._guarded(self._world, self._world.stop)
         if faults:
             faults.after_action(action, step)
         return result
@@ -247,10 +248,9 @@ class Session:
     def _deliver(self, payload: Payload) -> None:
         start = self._clock()
         event = Event(self.cycle, self._time, self._before + start, payload)
-        with uninterrupted():
-            for sink in tuple(self._listening):
-                if not self._guarded(sink, sink.write, event):
-                    self._listening.remove(sink)
+        for sink in tuple(self._listening):
+            if not self._guarded(sink, sink.write, event):
+                self._listening.remove(sink)
         self._delivering += self._clock() - start
 
     def _guarded(self, part: object, call: Callable[..., None], *arguments: object) -> bool:

@@ -1,9 +1,10 @@
-"""Time limits: wrappers that end an estimator, a planner or a skill that takes too long, with its processes.
+"""Time limits: wrappers that give up an estimator, a planner or a skill that takes too long, and end its processes.
 
 Each wrapper has the interface of what it wraps, and returns what stands for a failure when the time is up: no answer,
-a planner that timed out, a skill that timed out. A skill is asked to stop first, and a planner is given its limit. Only
-the main thread can be interrupted; in any other thread a part is only asked. The limit is the patience with the part or
-what is `left` of the run's time, whichever is less.
+a planner that timed out, a skill that timed out. A skill is asked to stop first, and a planner is given its limit. What
+does not stop is left behind in its thread, where it can neither tell anything nor move the simulated arm any more
+(`executive.util.timeout`). The limit is the patience with the part or what is `left` of the run's time, whichever is
+less.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from executive.types import (
     Condition,
     Evidence,
     Facts,
+    News,
     NoPlan,
     NoPlanReason,
     Observation,
@@ -31,7 +33,7 @@ from executive.types import (
     SkillStatus,
     Step,
 )
-from executive.util.timeout import TimeLimitError, within
+from executive.util.timeout import TimeLimitError, exclusive, within
 
 GRACE = 5.0
 """Wall seconds that a skill has to stop the arm once it is asked to."""
@@ -47,10 +49,13 @@ def _endless() -> float:
     return math.inf
 
 
-def limit_estimator(estimator: Estimator, seconds: float, left: Left = _endless) -> Estimator:
-    """Return the estimator with a limit in wall seconds for each look; after it, no atom is answered."""
+def limit_estimator(
+    estimator: Estimator, seconds: float, left: Left = _endless, end: Callable[[], object] = lambda: None
+) -> Estimator:
+    """Return the estimator with a limit in wall seconds for each look; after it, no atom is answered, and `end` is
+    called to end what the estimator was at."""
     asking: object = estimator  # whether it asks in words is for the running program to find out
-    return (_AskingEstimator if isinstance(asking, Asking) else _Estimator)(estimator, seconds, left)
+    return (_AskingEstimator if isinstance(asking, Asking) else _Estimator)(estimator, seconds, left, end)
 
 
 def limit_planner(planner: Planner, seconds: float) -> Planner:
@@ -62,7 +67,7 @@ def limit_skills(
     skills: Mapping[str, Skill], seconds: float, grace: float = GRACE, left: Left = _endless
 ) -> dict[str, Skill]:
     """Return the skills with a limit in wall seconds for each step; after it, a skill is asked to stop, `grace` seconds
-    later it is ended, and it has timed out."""
+    later it is given up, and it has timed out."""
     return {action: _Skill(skill, seconds, grace, left) for action, skill in skills.items()}
 
 
@@ -81,8 +86,8 @@ class _Preparing:
 
 
 class _Estimator:
-    def __init__(self, estimator: Estimator, seconds: float, left: Left) -> None:
-        self._estimator, self._seconds, self._left = estimator, seconds, left
+    def __init__(self, estimator: Estimator, seconds: float, left: Left, end: Callable[[], object]) -> None:
+        self._estimator, self._seconds, self._left, self._end = estimator, seconds, left, end
 
     @property
     def name(self) -> str:
@@ -93,6 +98,7 @@ class _Estimator:
             limit = min(self._seconds, self._left())
             return within(limit, lambda: self._estimator.estimate(observation, atoms))
         except TimeLimitError as late:
+            self._end()
             why = (Evidence(tuple(observation.images), 0.0, 0.0, f"no answer: it took {late}"),)
             return Belief(observation.id, {}, frozenset(atoms), self.name, dict.fromkeys(atoms, why))
 
@@ -116,7 +122,7 @@ class _Planner:
         try:
             return within(limit + _LAST_WORD, lambda: self._planner.plan(state, goal, avoid, limit))
         except TimeLimitError as late:
-            return NoPlan(NoPlanReason.TIMED_OUT, f"it took {late}, and was ended", "", limit)
+            return NoPlan(NoPlanReason.TIMED_OUT, f"it took {late}, and was given up", "", limit)
 
 
 class _Skill:
@@ -126,12 +132,20 @@ class _Skill:
     def __call__(self, step: Step, context: SkillContext) -> SkillResult:
         limit = min(self._seconds, self._left())
         until = time.monotonic() + limit
-        asked = replace(context, cancelled=lambda: context.cancelled() or time.monotonic() >= until)
+
+        def announce(news: News) -> None:
+            with exclusive():
+                context.announce(news)
+
+        def cancelled() -> bool:
+            return context.cancelled() or time.monotonic() >= until
+
+        asked = replace(context, announce=announce, cancelled=cancelled)
         try:
             result = within(limit + self._grace, lambda: self._skill(step, asked))
         except TimeLimitError as late:
             return SkillResult(
-                step, SkillStatus.TIMED_OUT, f"it took {late}, did not stop when asked to, and was ended"
+                step, SkillStatus.TIMED_OUT, f"it took {late}, did not stop when asked to, and was given up"
             )
         if isinstance(result, SkillResult) and result.status is SkillStatus.CANCELLED and not context.cancelled():
             reason = f"it was asked to stop after {round(limit, 2):g} s"

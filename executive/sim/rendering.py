@@ -1,9 +1,18 @@
-"""What the cameras see: pictures drawn off screen."""
+"""What the cameras see: pictures drawn off screen.
+
+An OpenGL context belongs to the thread in which it was made, and a look may come from any: from the loop, or from a
+skill, which runs in a thread of its own. So one thread of the process does all the drawing for worlds.
+"""
 
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, wait
+from functools import cache
+from queue import SimpleQueue
+from threading import Thread, current_thread
+from typing import Any, TypeVar
 
 import mujoco
 import numpy as np
@@ -13,6 +22,9 @@ from executive.sim.spec import CameraSpec
 from executive.types import FloatArray, Image
 from executive.util.native_libraries import keep_triton_apart
 from executive.util.requirements import cannot_draw
+
+_THREAD = "drawing"
+_T = TypeVar("_T")
 
 
 def sensed(picture: Image, seed: Sequence[int]) -> Image:
@@ -51,30 +63,42 @@ class Drawing:
 
     def picture(self, data: mujoco.MjData, camera: CameraSpec) -> Image:
         """What a camera sees of `data`, (H, W, 3) uint8."""
-        return np.array(self.prepared(data, camera).render())
+        return self.drawn(data, camera, lambda renderer: np.array(renderer.render()))
 
     def depth(self, data: mujoco.MjData, camera: CameraSpec) -> FloatArray:
         """How far what a camera sees of `data` is along its optical axis, (H, W) in m, without any error."""
-        renderer = self.prepared(data, camera)
-        renderer.enable_depth_rendering()
-        try:
-            return np.array(renderer.render(), dtype=float)
-        finally:
-            renderer.disable_depth_rendering()
 
-    def prepared(self, data: mujoco.MjData, camera: CameraSpec) -> mujoco.Renderer:
-        """The renderer for a camera's size, ready to draw what the camera sees: visuals and items, no helpers."""
-        options = mujoco.MjvOption()
-        options.geomgroup[:] = 0
-        options.geomgroup[scene.VISUAL] = options.geomgroup[scene.ITEM] = 1
-        renderer = self._of_size(camera.height, camera.width)
-        renderer.update_scene(data, camera.name, options)
-        return renderer
+        def measure(renderer: mujoco.Renderer) -> FloatArray:
+            renderer.enable_depth_rendering()
+            try:
+                return np.array(renderer.render(), dtype=float)
+            finally:
+                renderer.disable_depth_rendering()
+
+        return self.drawn(data, camera, measure)
+
+    def drawn(self, data: mujoco.MjData, camera: CameraSpec, draw: Callable[[mujoco.Renderer], _T]) -> _T:
+        """What `draw` makes, in the thread that draws, of the renderer for a camera's size, ready to draw what the
+        camera sees: visuals and items, no helpers."""
+
+        def work() -> _T:
+            options = mujoco.MjvOption()
+            options.geomgroup[:] = 0
+            options.geomgroup[scene.VISUAL] = options.geomgroup[scene.ITEM] = 1
+            renderer = self._of_size(camera.height, camera.width)
+            renderer.update_scene(data, camera.name, options)
+            return draw(renderer)
+
+        return _there(work)
+
+    def ready(self, cameras: Sequence[CameraSpec]) -> None:
+        """Make the renderers for the cameras now, not at the first picture."""
+        _there(lambda: [self._of_size(camera.height, camera.width) for camera in cameras])
 
     def close(self) -> None:
         """Free all of them."""
         while self._renderers:
-            self._renderers.popitem()[1].close()
+            _there(self._renderers.popitem()[1].close)
 
     def _of_size(self, height: int, width: int) -> mujoco.Renderer:
         renderer = self._renderers.get((height, width))
@@ -85,5 +109,39 @@ class Drawing:
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
             self._renderers[height, width] = renderer
             # At exit OpenGL may be gone before a world that nobody closed, and would say so at length.
-            weakref.finalize(self, renderer.close)
+            weakref.finalize(self, _there, renderer.close)
         return renderer
+
+
+def _there(work: Callable[[], _T]) -> _T:
+    """Do something in the thread that draws. It is waited for in any case: what it draws must not move meanwhile."""
+    if current_thread().name == _THREAD:  # the garbage collector may free a renderer anywhere
+        return work()
+    job: Future[_T] = Future()
+    _jobs().put((job, work))
+    try:
+        return job.result()
+    except BaseException:
+        wait([job])
+        raise
+
+
+_Jobs = SimpleQueue[tuple[Future[Any], Callable[[], Any]]]
+
+
+@cache
+def _jobs() -> _Jobs:
+    """What the thread that draws has to do; it is started with the first job."""
+    jobs: _Jobs = SimpleQueue()
+    Thread(target=_draw, args=(jobs,), name=_THREAD, daemon=True).start()
+    return jobs
+
+
+def _draw(jobs: _Jobs) -> None:
+    while True:
+        job, work = jobs.get()
+        try:
+            job.set_result(work())
+        except BaseException as error:
+            job.set_exception(error)
+        del job, work  # pictures and worlds are not kept between jobs

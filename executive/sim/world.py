@@ -22,6 +22,7 @@ from executive.sim.robot_api import ArmLimits, Handle, PoseSource
 from executive.sim.spec import SceneSpec, read_scene
 from executive.types import DepthImage, FloatArray, Frame, Image, Observation, PosesEstimated, Scenery
 from executive.util.files import parse_arrays
+from executive.util.timeout import exclusive
 
 CONTROL_PERIOD = 0.008
 """125 Hz, the rate of the UR controllers."""
@@ -242,7 +243,8 @@ class MujocoWorld:
     def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
         return disturbances.disturb(self, kind, rng, arguments)
 
-    # What a skill drives (executive.sim.robot_api.Body).
+    # What a skill drives (executive.sim.robot_api.Body). What changes something is whole: a skill whose time is up is
+    # left behind in its thread, and must not move anything while the loop goes on.
 
     def joints(self) -> FloatArray:
         return np.array(self.data.qpos[self._arm])
@@ -254,6 +256,7 @@ class MujocoWorld:
         left, right = (self.data.geom_xpos[pad] for pad in self._pads)
         return max(0.0, float(np.linalg.norm(left - right)) - 2 * scene.PAD_HALF_THICKNESS)
 
+    @exclusive()
     def locate(self, item: str) -> FloatArray | None:
         if self.localizer is None:
             pose = self.pose(item)
@@ -268,6 +271,7 @@ class MujocoWorld:
             self._misplaced = None
         return pose
 
+    @exclusive()
     def obstacles(self) -> dict[str, FloatArray]:
         if self.localizer is None:
             return self.poses()
@@ -278,6 +282,7 @@ class MujocoWorld:
     def estimated_poses(self) -> PosesEstimated | None:
         return self._estimate
 
+    @exclusive()
     def command(self, position: FloatArray, velocity: FloatArray) -> None:
         # A position servo with damping lags a moving target by damping/stiffness seconds; lead by as much.
         self.data.ctrl[self._servo] = position + self._lag * velocity
@@ -290,9 +295,11 @@ class MujocoWorld:
         """Opens the fingers for a while, whatever they are commanded."""
         self._forced_open_until = self.time + seconds
 
+    @exclusive()
     def command_gripper(self, closed: float) -> None:
         self._closed = float(np.clip(closed, 0.0, 1.0))
 
+    @exclusive()
     def advance(self) -> None:
         while self._scheduled and self._scheduled[0][0] <= self.time:
             heapq.heappop(self._scheduled)[2]()

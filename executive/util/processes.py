@@ -18,13 +18,14 @@ _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG, of Linux's prctl."""
 
 
-def exit_with_parent(last: Callable[[], object] | None = None) -> None:
+def exit_with_parent(last: Callable[[], object] | None = None, parent_ends: Callable[[], object] | None = None) -> None:
     """Have this process, which was spawned under `block_signals`, ignore termination signals and exit when its parent
     ends, however that happens: a worker whose parent was killed would wait for work for ever, or go on writing. It has
     to be called first of all.
 
     Args:
         last: called before the process exits. Without it, the kernel kills the process at once where it can (Linux).
+        parent_ends: returns when the parent has ended; by default, the parent is the one that multiprocessing knows.
     """
     # Handlers that do nothing, unlike ignored signals, are not inherited by programs that are started from here.
     for each in TERMINATION_SIGNALS:
@@ -32,7 +33,8 @@ def exit_with_parent(last: Callable[[], object] | None = None) -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, TERMINATION_SIGNALS)
     if last is None:
         _die_with_parent()
-    threading.Thread(target=_wait_for_parent, args=(last,), name="parent", daemon=True).start()
+    waiting = (last, parent_ends or _parent_ends)
+    threading.Thread(target=_exit_afterwards, args=waiting, name="parent", daemon=True).start()
 
 
 @contextmanager
@@ -62,10 +64,16 @@ def _die_with_parent() -> None:
         os._exit(1)
 
 
-def _wait_for_parent(last: Callable[[], object] | None) -> None:
+def _parent_ends() -> None:
     parent = multiprocessing.parent_process()
-    if parent is not None:
+    if parent is None:
+        threading.Event().wait()
+    else:
         parent.join()
-        if last is not None:
-            last()
-        os._exit(1)
+
+
+def _exit_afterwards(last: Callable[[], object] | None, parent_ends: Callable[[], object]) -> None:
+    parent_ends()
+    if last is not None:
+        last()
+    os._exit(1)

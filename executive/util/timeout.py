@@ -1,109 +1,124 @@
-"""Runs work with a time limit, and ends it and the processes that it has started when the time is up.
+"""Runs work with a time limit, and lets go of it when the time is up.
 
-The main thread is interrupted by a signal, which also ends a system call that waits. Other threads cannot be: work in
-them is left to end by itself.
+The work is done in a thread of its own, which nothing interrupts: an exception that is thrown into the middle of torch,
+MuJoCo or a planner's bindings leaves them in no state to go on with. Work whose time is up is given up: the processes
+that it has started are ended, whatever it does under `exclusive` from then on raises, and what it returns is dropped.
+What has to be ended wherever it is has to be in a process.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
+from contextvars import Context, copy_context
 from pathlib import Path
-from types import FrameType
-from typing import TypeVar
+from queue import SimpleQueue
+from typing import Any, TypeVar
 
-_AGAIN = 0.5
-"""Wall seconds after which work that continues nevertheless is interrupted again."""
+_STACK = 16 << 20
+"""Bytes of a worker's stack: other systems than Linux give a thread far less than the main thread has."""
 
-_SIGNAL = signal.SIGUSR2
 _T = TypeVar("_T")
 
 
 class TimeLimitError(Exception):
-    """Work exceeded its time limit and was ended."""
+    """Work exceeded its time limit and was given up."""
 
 
 def within(seconds: float, work: Callable[[], _T]) -> _T:
-    """Call `work` and return its result.
+    """Call `work` in another thread and return its result.
 
     Raises:
-        TimeLimitError: it took longer than so many wall seconds. What it was doing was ended, and so was every process
-            that it had started.
+        TimeLimitError: it took longer than so many wall seconds. It was given up, and every process that it had started
+            has ended.
     """
-    if threading.current_thread() is not threading.main_thread():
-        return work()
-    alarm, before = _Alarm(seconds), _children()
+    task, before = _Task(work, copy_context()), _children()
+    worker = _idle.pop() if _idle else _Worker()
+    worker.tasks.put(task)
     try:
-        try:
-            alarm.start()
-            return work()
-        finally:
-            alarm.silence()
-    except _Interrupt as interrupt:
-        if interrupt.alarm is not alarm:
-            raise
+        wait([task.result], None if math.isinf(seconds) else max(0.0, seconds))
+        if task.result.done():
+            result: _T = task.result.result()
+            return result
         for child in _children() - before:
             _end(child)
-        raise TimeLimitError(f"more than {round(seconds, 2):g} s") from None
+    finally:
+        if task.result.done():
+            _idle.append(worker)
+        else:
+            task.give_up()
+            worker.tasks.put(None)  # if it ever comes to an end, the thread does
+    raise TimeLimitError(f"more than {round(seconds, 2):g} s")
 
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Keep the block from being interrupted: it is short and must not be left half done."""
-    global _busy
-    _busy += 1
-    try:
+def exclusive() -> Iterator[None]:
+    """Keep the block whole: work whose time is up is given up before it or after it.
+
+    Raises:
+        TimeLimitError: the work that this thread does has been given up.
+    """
+    task: _Task | None = getattr(_here, "task", None)
+    if task is None:
         yield
-    finally:
-        _busy -= 1
+        return
+    with task.whole:
+        if task.given_up:
+            raise TimeLimitError("its time was up")
+        yield
 
 
-class _Interrupt(BaseException):
-    """Raised in the middle of work whose time is up; no `except Exception` in it keeps it."""
+class _Task:
+    """Work for a worker, and what has become of it."""
 
-    def __init__(self, alarm: _Alarm) -> None:
-        super().__init__()
-        self.alarm = alarm
+    def __init__(self, work: Callable[[], Any], context: Context) -> None:
+        self._work, self._context = work, context
+        self.result: Future[Any] = Future()
+        self.whole, self.given_up = threading.RLock(), False
 
+    def give_up(self) -> None:
+        """Have the work do nothing more that counts. What it does under `exclusive` at the moment is waited for."""
+        with self.whole:
+            self.given_up = True
 
-class _Alarm:
-    """Interrupts the main thread when the time is up, and again until the work ends."""
-
-    def __init__(self, seconds: float) -> None:
-        self._seconds, self._over, self.rings = seconds, threading.Event(), False
-
-    def start(self) -> None:
-        # Once installed, the handler stays: a signal that comes late finds it, and no alarm that rings.
-        if signal.getsignal(_SIGNAL) is not _heard:
-            signal.signal(_SIGNAL, _heard)
-        _alarms.append(self)
-        threading.Thread(target=self._watch, name="alarm", daemon=True).start()
-
-    def silence(self) -> None:
-        self._over.set()
-        self.rings = False
-        if self in _alarms:
-            _alarms.remove(self)
-
-    def _watch(self) -> None:
-        wait = self._seconds
-        while not self._over.wait(wait):
-            self.rings, wait = True, _AGAIN
-            signal.pthread_kill(threading.main_thread().ident or 0, _SIGNAL)
+    def run(self) -> None:
+        _here.task = self
+        try:
+            result = self._context.run(self._work)
+        except BaseException as error:
+            self.result.set_exception(error)
+        else:
+            self.result.set_result(result)
+        finally:
+            _here.task = None
 
 
-_alarms: list[_Alarm] = []
-"""Those that are set, the outermost first. Only the main thread changes it."""
-_busy = 0
+class _Worker:
+    """A thread that does one piece of work after the other. It is kept for the next one: for each thread that calls it,
+    OpenMP makes threads of its own."""
+
+    def __init__(self) -> None:
+        self.tasks: SimpleQueue[_Task | None] = SimpleQueue()
+        before = threading.stack_size(_STACK)
+        try:
+            threading.Thread(target=_serve, args=(self.tasks,), name="limited", daemon=True).start()
+        finally:
+            threading.stack_size(before)
 
 
-def _heard(number: int, frame: FrameType | None) -> None:
-    for alarm in _alarms:
-        if alarm.rings and not _busy:
-            raise _Interrupt(alarm)
+def _serve(tasks: SimpleQueue[_Task | None]) -> None:
+    while (task := tasks.get()) is not None:
+        task.run()
+        del task  # what it refers to is not kept between two
+
+
+_idle: list[_Worker] = []
+_here = threading.local()
 
 
 def _children() -> frozenset[int]:

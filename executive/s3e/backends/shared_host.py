@@ -1,20 +1,26 @@
-"""A process that holds vision-language models for others, so that a GPU holds each once: see
-`executive.s3e.backends.shared_client`."""
+"""A process that holds vision-language models for others: see `executive.s3e.backends.shared_client`.
+
+A campaign has one so that a GPU holds each model once; a run has one so that a look can be ended
+(`executive.s3e.backends.own_process`).
+"""
 
 from __future__ import annotations
 
 import logging
 import multiprocessing
+import os
+import pickle
 import secrets
 import shutil
 import socket
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from multiprocessing.connection import Connection, Listener
-from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -29,6 +35,15 @@ from executive.util.threads import shared_by
 _LONGEST = 60
 """Characters of the folder for temporary files: a socket's whole path has to be shorter than 104 (macOS)."""
 
+_PROGRAM = f"""
+import pickle, sys
+sys.path[:] = pickle.load(sys.stdin.buffer)
+from {__name__} import main
+main()
+"""
+"""The process is started afresh, without what `multiprocessing` does: it would import the program of whoever uses this
+as a library anew, and run it once more where that does not guard against it."""
+
 log = logging.getLogger(__name__)
 
 
@@ -38,6 +53,9 @@ class ModelHost:
 
     Args:
         load: what opens a model by its folder or hub id. Importable there by its name.
+        first: a model that is opened at once, before anybody asks for it.
+        threads: whether the model's arithmetic may take all cores; else it is done on one thread, so that how many
+            processes share the machine changes no rounding.
 
     Attributes:
         address: where it is, for `executive.s3e.backends.shared_client.SharedBackend` in any process of this machine.
@@ -45,30 +63,57 @@ class ModelHost:
 
     address: Address
 
-    def __init__(self, load: Callable[[str], Backend] = TransformersBackend) -> None:
-        self._load = load
-        self._process: SpawnProcess | None = None
+    def __init__(
+        self, load: Callable[[str], Backend] = TransformersBackend, first: str | None = None, threads: bool = False
+    ) -> None:
+        self._load, self._first, self._threads = load, first, threads
+        self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> ModelHost:
-        # A folder that nobody else may enter.
-        short = len(tempfile.gettempdir()) <= _LONGEST
-        self._folder = tempfile.mkdtemp(prefix="executive-model-", dir=None if short else "/tmp")
-        self.address = Address(str(Path(self._folder) / "model"), secrets.token_bytes(32))
+        self.start()
         try:
-            self.revive()
+            self.wait()
         except BaseException:
-            self.__exit__()
+            self.close()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._end()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self.close()
 
     @property
     def pid(self) -> int | None:
         """The process's number."""
         return None if self._process is None else self._process.pid
+
+    def start(self) -> None:
+        """Start the process, and wait for nothing."""
+        if not hasattr(self, "address"):
+            # A folder that nobody else may enter.
+            short = len(tempfile.gettempdir()) <= _LONGEST
+            folder = tempfile.mkdtemp(prefix="executive-model-", dir=None if short else "/tmp")
+            self.address = Address(str(Path(folder) / "model"), secrets.token_bytes(32))
+        Path(self.address.path).unlink(missing_ok=True)
+        with block_signals(), shared_by(1, alone=not self._threads):
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            )
+        assert self._process.stdin is not None
+        with suppress(BrokenPipeError):  # it has ended, which `wait` says
+            self._process.stdin.write(pickle.dumps(sys.path) + pickle.dumps((self.address, self._load, self._first)))
+            self._process.stdin.flush()
+
+    def wait(self) -> None:
+        """Wait until the process takes clients.
+
+        Raises:
+            ExecutiveError: it did not start.
+        """
+        assert self._process is not None
+        assert self._process.stdout is not None
+        if not self._process.stdout.closed and not self._process.stdout.read():
+            raise ExecutiveError("the process that is to hold the model did not start")
+        self._process.stdout.close()
 
     def revive(self) -> None:
         """Start the process again, at the same address, if it has died; what it kept is lost. Else do nothing.
@@ -76,20 +121,25 @@ class ModelHost:
         Raises:
             ExecutiveError: it does not start.
         """
-        if self._listens():
-            return
-        self._end()
-        Path(self.address.path).unlink(missing_ok=True)
-        context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe(duplex=False)
-        with block_signals(), shared_by(1, alone=True), ours:
-            self._process = context.Process(target=_hold, args=(self.address, self._load, theirs), daemon=True)
-            self._process.start()
-            theirs.close()
-            try:
-                ours.recv()
-            except EOFError:
-                raise ExecutiveError("the process that is to hold the model did not start") from None
+        if not self._listens():
+            self.end()
+            self.start()
+            self.wait()
+
+    def end(self) -> None:
+        """End the process wherever it is."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            for pipe in (self._process.stdin, self._process.stdout):
+                with suppress(OSError):  # what could not be written any more
+                    if pipe is not None:
+                        pipe.close()
+
+    def close(self) -> None:
+        """End the process, and leave nothing of it."""
+        self.end()
+        shutil.rmtree(Path(self.address.path).parent, ignore_errors=True)
 
     def _listens(self) -> bool:
         """Whether the process takes clients. One that was killed counts as alive for a moment after its clients have
@@ -103,11 +153,6 @@ class ModelHost:
             except OSError:
                 return False
         return True
-
-    def _end(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
 
 
 class _Visitor:
@@ -126,6 +171,10 @@ class _Holder:
         self._models: dict[str, Backend] = {}
         self._visitors: set[_Visitor] = set()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="model")
+
+    def open_ahead(self, model: str) -> None:
+        """Begin to open a model. If that fails, whoever asks for it is told."""
+        self._thread.submit(self._opened, model)
 
     def serve(self, connection: Connection) -> None:
         """Answer a client until it is gone, and free what it leaves behind."""
@@ -176,13 +225,18 @@ class _Holder:
         return self._models[model]
 
 
-def _hold(address: Address, load: Callable[[str], Backend], ready: Connection) -> None:
-    """What the process does."""
-    exit_with_parent(partial(shutil.rmtree, Path(address.path).parent, ignore_errors=True))
+def main() -> None:
+    """What the process does. Its parent tells on stdin, which ends with the parent; it says on stdout when it takes
+    clients, and what libraries print from then on goes to stderr."""
+    address, load, first = pickle.load(sys.stdin.buffer)
+    exit_with_parent(partial(shutil.rmtree, Path(address.path).parent, ignore_errors=True), partial(os.read, 0, 1))
     holder = _Holder(load)
+    if first is not None:
+        holder.open_ahead(first)
     with Listener(address.path, "AF_UNIX", backlog=64, authkey=address.key) as listener:
-        with ready:
-            ready.send(None)
+        os.write(1, b"ready")
+        with suppress(OSError):  # somebody has closed stderr
+            os.dup2(2, 1)
         while True:
             # Who knocks may be gone before the key was shown, or have another one.
             with suppress(OSError, EOFError, multiprocessing.AuthenticationError):

@@ -47,23 +47,29 @@ from executive.types import (
     Step,
 )
 from executive.util import timeout
-from executive.util.timeout import TimeLimitError, uninterrupted, within
+from executive.util.timeout import TimeLimitError, exclusive, within
 from tests.fakes import FakeWorld, Stage, at, budget, pick
 
 SOON = 0.05
 
 
+over = threading.Event()
+"""Lets what hangs for ever go, once a test is over."""
+
+
 def forever() -> None:
-    while True:
+    while not over.is_set():
         try:
-            sum(range(100))
+            over.wait(0.001)
         except Exception:
             continue
 
 
 @pytest.fixture(autouse=True)
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(timeout, "_AGAIN", 0.02)
+def let_go() -> Iterator[None]:
+    over.clear()
+    yield
+    over.set()
 
 
 # Work that is ended.
@@ -71,17 +77,47 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_done_in_time_is_returned_and_what_it_raises_is_raised() -> None:
     assert within(60.0, lambda: "done") == "done"
+    assert within(math.inf, lambda: "done") == "done"
     with pytest.raises(ZeroDivisionError):
         within(60.0, lambda: 1 // 0)
-    assert timeout._alarms == []
 
 
-@pytest.mark.parametrize("work", [forever, lambda: time.sleep(1000), lambda: threading.Event().wait(1000)])
-def test_what_is_not_is_ended_wherever_it_is(work: Callable[[], object]) -> None:
+def test_a_time_limit_of_its_own_is_raised_as_what_it_is() -> None:
+    def work() -> None:
+        raise TimeoutError("a server's")
+
+    with pytest.raises(TimeoutError, match="a server's"):
+        within(60.0, work)
+
+
+@pytest.mark.parametrize("work", [forever, lambda: over.wait(1000)])
+def test_what_is_not_is_given_up_wherever_it_is(work: Callable[[], object]) -> None:
     with pytest.raises(TimeLimitError, match=r"more than 0\.05 s"):
         within(SOON, work)
-    assert timeout._alarms == []
-    time.sleep(2 * SOON)  # nothing goes off later
+
+
+def test_the_same_thread_does_one_piece_of_work_after_the_other() -> None:
+    threads = {within(60.0, threading.get_ident) for _ in range(5)}
+    assert len(threads) == 1
+    assert threading.get_ident() not in threads
+
+
+def test_what_was_given_up_returns_to_nobody() -> None:
+    returned: list[str] = []
+
+    def late() -> str:
+        over.wait(1000)
+        returned.append("late")
+        return "late"
+
+    with pytest.raises(TimeLimitError):
+        within(SOON, late)
+    assert within(60.0, lambda: "next") == "next"
+    over.set()
+    until = time.monotonic() + 30.0
+    while not returned and time.monotonic() < until:
+        time.sleep(0.001)
+    assert within(60.0, lambda: "after that") == "after that"
 
 
 def test_the_processes_that_it_has_started_end_with_it() -> None:
@@ -112,42 +148,59 @@ def test_of_two_within_each_other_the_one_whose_time_is_up_ends() -> None:
     assert within(60.0, inner_is_late) == "outer goes on"
     with pytest.raises(TimeLimitError, match=r"0\.05 s"):
         within(SOON, lambda: within(60.0, forever))
-    assert timeout._alarms == []
 
 
-def test_what_has_to_be_whole_is_not_interrupted() -> None:
+def test_what_has_to_be_whole_is_done_or_not_begun() -> None:
     told: list[str] = []
+    ended = threading.Event()
 
     def work() -> None:
-        with uninterrupted():
-            until = time.monotonic() + 3 * SOON
-            while time.monotonic() < until:
-                told.append("") if not told else None
-            told.append("whole")
-        forever()
+        try:
+            with exclusive():
+                told.append("half")
+                time.sleep(3 * SOON)
+                told.append("whole")
+            over.wait(1000)
+            with exclusive():
+                told.append("more")
+        finally:
+            ended.set()
 
     with pytest.raises(TimeLimitError):
         within(SOON, work)
-    assert told[-1] == "whole"
+    assert told == ["half", "whole"], "it was waited for"
+    over.set()
+    assert ended.wait(30.0)
+    assert told == ["half", "whole"]
 
 
-def test_in_another_thread_nothing_is_interrupted() -> None:
-    found: list[str] = []
+def test_who_has_no_time_limit_is_not_disturbed() -> None:
+    with exclusive(), exclusive():
+        pass
 
-    def work() -> str:
-        time.sleep(SOON)
-        return "done"
 
-    thread = threading.Thread(target=lambda: found.append(within(0.01, work)))
+def test_any_thread_can_set_a_time_limit() -> None:
+    found: list[type[BaseException]] = []
+
+    def work() -> None:
+        try:
+            within(SOON, forever)
+        except TimeLimitError as error:
+            found.append(type(error))
+
+    thread = threading.Thread(target=work)
     thread.start()
     thread.join()
-    assert found == ["done"]
+    assert found == [TimeLimitError]
 
 
 def test_ctrl_c_is_still_ctrl_c() -> None:
+    def order() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        over.wait(1000)
+
     with pytest.raises(KeyboardInterrupt):
-        within(60.0, lambda: os.kill(os.getpid(), signal.SIGINT))
-    assert timeout._alarms == []
+        within(60.0, order)
 
 
 # Parts.
@@ -171,7 +224,8 @@ class Hanging:
 
 
 def test_an_estimator_that_hangs_has_no_answer_and_says_why() -> None:
-    eye = limit_estimator(Hanging(), SOON)
+    ended: list[str] = []
+    eye = limit_estimator(Hanging(), SOON, end=lambda: ended.append("ended"))
     assert isinstance(eye, Asking)
     assert eye.questions is Hanging.questions
     observation = Observation(4, 0.0, {"front": np.zeros((2, 2, 3), np.uint8)}, np.zeros(1))
@@ -181,6 +235,7 @@ def test_an_estimator_that_hangs_has_no_answer_and_says_why() -> None:
     assert {answer.error for answers in belief.evidence.values() for answer in answers} == {
         "no answer: it took more than 0.05 s"
     }
+    assert ended == ["ended"], "whatever it was at"
 
 
 def test_a_planner_that_hangs_has_timed_out() -> None:
@@ -189,7 +244,7 @@ def test_a_planner_that_hangs_has_timed_out() -> None:
     assert answer.reason is NoPlanReason.TIMED_OUT
 
 
-def test_a_skill_that_hangs_is_asked_first_and_then_ended() -> None:
+def test_a_skill_that_hangs_is_asked_first_and_then_given_up() -> None:
     step = pick("a", "p")
 
     def polite(step: Step, context: SkillContext) -> SkillResult:
@@ -204,15 +259,25 @@ def test_a_skill_that_hangs_is_asked_first_and_then_ended() -> None:
     def quick(step: Step, context: SkillContext) -> SkillResult:
         return SkillResult(step, SkillStatus.DONE)
 
+    def late(step: Step, context: SkillContext) -> SkillResult:
+        over.wait(1000)
+        context.announce(Phase("late"))
+        raise AssertionError
+
     cancelled = False
-    context = SkillContext(None, np.random.default_rng(0), lambda _: None, lambda: cancelled)
-    skills = limit_skills({"polite": polite, "deaf": deaf, "quick": quick}, SOON, grace=SOON)
+    told: list[object] = []
+    context = SkillContext(None, np.random.default_rng(0), told.append, lambda: cancelled)
+    skills = limit_skills({"polite": polite, "deaf": deaf, "quick": quick, "late": late}, SOON, grace=SOON)
     asked, ended, done = (skills[name](step, context) for name in ("polite", "deaf", "quick"))
     assert (asked.status, asked.reason) == (SkillStatus.TIMED_OUT, "it was asked to stop after 0.05 s")
     assert asked.seconds == 1.5
     assert ended.status is SkillStatus.TIMED_OUT
     assert "did not stop when asked to" in ended.reason
     assert done.status is SkillStatus.DONE
+    assert skills["late"](step, context).status is SkillStatus.TIMED_OUT
+    over.set()
+    time.sleep(SOON)
+    assert told == [], "what is left behind tells nothing"
     cancelled = True
     assert skills["polite"](step, context).status is SkillStatus.CANCELLED, "the run is, not the skill"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -121,16 +122,22 @@ def test_nothing_but_the_hands_own_joints_is_constrained(world: MujocoWorld) -> 
     assert joints == set(scene.FINGER_JOINTS)
 
 
+def segmented(renderer: mujoco.Renderer) -> Any:
+    """The geom that each pixel shows, (H, W)."""
+    renderer.enable_segmentation_rendering()
+    try:
+        return np.array(renderer.render())[:, :, 0]
+    finally:
+        renderer.disable_segmentation_rendering()
+
+
 @pytest.mark.parametrize("seed", [3, 5, 11])
 def test_every_item_and_the_jaws_can_be_seen(seed: int) -> None:
     drawn = grocery(seed)
     seen = dict.fromkeys([*ITEMS, "jaws"], 0)
     fingers = {drawn.model.body(name).id for name in ("left_inner_finger", "right_inner_finger")}
     for camera in drawn.spec.cameras:
-        renderer = drawn.drawing.prepared(drawn.data, camera)
-        renderer.enable_segmentation_rendering()
-        owner = np.append(drawn.model.geom_bodyid, -1)[renderer.render()[:, :, 0]]
-        renderer.disable_segmentation_rendering()
+        owner = np.append(drawn.model.geom_bodyid, -1)[drawn.drawing.drawn(drawn.data, camera, segmented)]
         for item in ITEMS:
             root = drawn.model.body(item).id
             bodies = np.flatnonzero(drawn.model.body_rootid == root)

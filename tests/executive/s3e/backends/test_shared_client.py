@@ -23,6 +23,7 @@ import pytest
 
 from executive.errors import ExecutiveError, InputError, MissingError
 from executive.s3e.backends.interface import TRUE_FALSE, YES_NO, Answer, AnswerWords, Backend, Look
+from executive.s3e.backends.own_process import OwnProcess
 from executive.s3e.backends.shared_client import ENDED, Address, HostEndedError, SharedBackend, kept
 from executive.s3e.backends.shared_host import ModelHost
 from executive.s3e.backends.transformers_backend import TransformersBackend
@@ -262,7 +263,7 @@ def test_who_has_not_the_key_gets_nothing(address: Address) -> None:
     assert repr(address.key) not in repr(address)
 
 
-def test_who_is_interrupted_leaves_the_others_and_the_next_look_whole(address: Address) -> None:
+def test_who_gives_up_leaves_the_others_and_the_next_look_whole(address: Address) -> None:
     """As a look that takes too long is (`executive.util.timeout`)."""
     from executive.util.timeout import TimeLimitError, within
 
@@ -296,6 +297,50 @@ def test_a_process_that_was_killed_is_named_and_nobody_waits_for_it() -> None:
         pid = host.pid
         host.revive()
         assert host.pid == pid, "one that is alive is left alone"
+
+
+def test_a_model_of_ones_own_is_ended_in_the_middle_of_a_look_and_there_for_the_next() -> None:
+    model = OwnProcess("fine", moody)
+    assert isinstance(model, Backend)
+    assert model.name == "fine"
+    look = model.look(grey(255), SYSTEM)
+    with ThreadPoolExecutor(1) as waiting:
+        waits = waiting.submit(look.ask, ["wait"])
+        time.sleep(0.2)
+        model.end()
+        assert waits.result(60.0) == [Answer("", 0.0, 0.0, ENDED)]
+    assert model.look(grey(0), SYSTEM).ask(["?"]) == [Answer("?", 0.0, 1.0)]
+    model.close()
+    model.close()
+
+
+def test_a_model_of_ones_own_that_has_died_is_replaced() -> None:
+    model = OwnProcess("fine", moody)
+    assert model.look(grey(255), SYSTEM).ask(["die"]) == [Answer("", 0.0, 0.0, ENDED)]
+    assert model.look(grey(255), SYSTEM).ask(["?"]) == [Answer("?", 1.0, 0.0)]
+    model.close()
+
+
+def test_a_model_of_ones_own_that_cannot_be_loaded_says_why() -> None:
+    model = OwnProcess("broken", moody)
+    with pytest.raises(InputError, match="is cut off"):
+        model.ready()
+    model.close()
+
+
+SCRIPT = """
+from executive.s3e.backends.own_process import OwnProcess
+from tests.executive.s3e.backends.test_shared_client import moody
+print("once", flush=True)
+print(OwnProcess("fine", moody).name)
+"""
+
+
+def test_a_program_of_one_needs_no_guard(tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(SCRIPT)
+    environment = {**os.environ, "PYTHONPATH": os.getcwd()}
+    done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, env=environment)
+    assert (done.returncode, done.stdout) == (0, "once\nfine\n")
 
 
 def test_one_that_dies_of_a_question_says_so() -> None:
