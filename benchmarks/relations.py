@@ -3,6 +3,9 @@
 Until they were functions of a scene, relations were read from MuJoCo's contacts. Both are asked at moments of random
 actions, drops and tips included, and while items tumble that were thrown upon the tables. What differs is printed, with
 how far things were apart.
+
+With `--depth` it is what depth tells of the atoms that is held against the truth, once things have come to rest: how
+often each relation is wrong on the estimated scene, which is what the belief reckons with.
 """
 
 from __future__ import annotations
@@ -16,13 +19,19 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from executive.app.depth_witness import DepthWitness
+from executive.app.localizer import item_models, open_localizer
 from executive.app.worlds import load_skills
 from executive.domain.loader import Domain, load_domain
 from executive.faults import FaultInjector, parse_fault
 from executive.lab.collection.episode import instances
+from executive.perception import EstimatedScenes
 from executive.protocols import SkillContext
 from executive.relations.convex import distance
+from executive.relations.kinds import read_relation_kinds
+from executive.sim.known_models import KnownScene
 from executive.sim.solids import FINGERS
+from executive.sim.spec import read_scene
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Facts, News, Phase, Step
@@ -36,7 +45,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--moments", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first scene")
+    parser.add_argument("--depth", type=int, default=0, help="so many scenes, of the relations on the estimated scene")
     arguments = parser.parse_args()
+    if arguments.depth:
+        measure_depth(load_domain("grocery"), arguments.seed, arguments.depth)
+        return
     domain, began = load_domain("grocery"), time.monotonic()
     tally, seed = Tally(domain), arguments.seed
     while tally.moments < arguments.moments:
@@ -48,16 +61,22 @@ def main() -> None:
     print(f"seeds {arguments.seed} to {seed - 1}, {time.monotonic() - began:.0f} s")
 
 
-def play(domain: Domain, seed: int, moment: Callable[[MujocoWorld], None], depth: bool = False) -> MujocoWorld:
+def play(
+    domain: Domain,
+    seed: int,
+    moment: Callable[[MujocoWorld], None] | None = None,
+    rest: Callable[[MujocoWorld], None] | None = None,
+) -> MujocoWorld:
     """A scene in which random actions are carried out, and then everything is thrown upon the tables. `moment` is
-    called ten times a second."""
-    world = MujocoWorld(domain.scene, domain.task.objects, seed, grasp_noise=0.003, depth=depth)
+    called ten times a second, `rest` after each action and in the end."""
+    world = MujocoWorld(domain.scene, domain.task.objects, seed, grasp_noise=0.003, depth=rest is not None)
     rng, skills = np.random.default_rng([seed, 2]), load_skills(domain)
     items, tables = world.items, [table.name for table in world.spec.tables]
     specs = ("drop:p=0.3", "shove:p=0.2", "tip:p=0.2")
     faults = FaultInjector([parse_fault(spec, items, tables, []) for spec in specs], world, seed)
     truth, steps = Truth(world, domain.relations, domain.task.parameters), instances(domain.parsed)
-    world.watch(lambda frame: moment(world))
+    if moment is not None:
+        world.watch(lambda frame: moment(world))
     for count in range(1, ACTIONS + 1):
         known = domain.task.derived.complete(truth.of(domain.task.atoms))
         applicable = [step for step in steps if step.precondition.truth(known)]
@@ -70,6 +89,8 @@ def play(domain: Domain, seed: int, moment: Callable[[MujocoWorld], None], depth
             step, SkillContext(world.handle, np.random.default_rng([seed, count]), follow, lambda: False)
         )
         faults.after_action(count, step)
+        if rest is not None:
+            rest(world)
     for item in items:
         table = world.spec.tables[int(rng.integers(len(tables)))]
         beside = np.array(table.size[:2]) * rng.uniform(-0.5, 0.5, 2)
@@ -79,7 +100,40 @@ def play(domain: Domain, seed: int, moment: Callable[[MujocoWorld], None], depth
             np.array([*(np.array(table.centre[:2]) + beside), table.centre[2] + rng.uniform(0.1, 0.4), w, x, y, z]),
         )
     world.settle(THROWN)
+    if rest is not None:
+        rest(world)
     return world
+
+
+def measure_depth(domain: Domain, first: int, scenes: int) -> None:
+    """How often relations are wrong on the estimated scene."""
+    spec = read_scene(domain.scene)
+    models, known, kinds = item_models(spec), KnownScene(spec), read_relation_kinds(domain.relations, {})
+    counts: Counter[tuple[str, str, bool, int]] = Counter()
+    for seed in range(first, first + scenes):
+
+        def rest(world: MujocoWorld, seed: int = seed) -> None:
+            world.localizer = world.localizer or open_localizer(world, models=models, known=known)
+            facts = Truth(world, domain.relations, domain.task.parameters).of(domain.task.atoms)
+            told = DepthWitness(world, EstimatedScenes(models, known), kinds).testify(world.sense(), domain.task.atoms)
+            missing = set(world.localizer.now().missing)
+            for atom in domain.task.atoms:
+                how = "missing" if missing & set(atom.args) else "seen"
+                value = told.get(atom, -1.0)
+                kind = -1 if value < 0.0 else 0 if value < 0.1 or how == "missing" else 2 if value > 0.9 else 1
+                counts[atom.predicate, how, facts[atom], kind] += 1
+                if kind >= 0 and abs(value - facts[atom]) > 0.5:
+                    print(
+                        f"seed {seed} at {world.time:.1f} s: {atom} {value:.2f}, in truth {facts[atom]} ({how})",
+                        flush=True,
+                    )
+
+        play(domain, seed, rest=rest).close()
+    print(f"{'predicate':<22}{'item':<9}{'truth':<7}{'no answer':>10}{'below 0.1':>10}{'between':>9}{'above 0.9':>10}")
+    for predicate, how, truth in sorted({key[:3] for key in counts}):
+        row = [counts[predicate, how, truth, kind] for kind in (-1, 0, 1, 2)]
+        print(f"{predicate:<22}{how:<9}{truth!s:<7}{row[0]:>10}{row[1]:>10}{row[2]:>9}{row[3]:>10}")
+    print(f"{scenes} scenes")
 
 
 def _follow(faults: FaultInjector, count: int, step: Step, news: News) -> None:

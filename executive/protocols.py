@@ -4,7 +4,7 @@ planner, another estimator."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -57,6 +57,18 @@ class Estimator(Protocol):
 
     def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
         """Return a belief over exactly `atoms`; those that it cannot judge are `unanswered`."""
+        ...
+
+
+@runtime_checkable
+class Witness(Protocol):
+    """Tells of atoms at a look by other means than the estimator, with errors of its own."""
+
+    @property
+    def name(self) -> str: ...
+
+    def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
+        """Return the probability of each of the atoms that it can tell of at this moment."""
         ...
 
 

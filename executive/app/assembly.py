@@ -11,7 +11,7 @@ from executive.core.observer import CameraObserver
 from executive.core.run_state import RunState
 from executive.core.session import Session
 from executive.core.settings import Settings
-from executive.protocols import Estimator, FaultSource, Planner, Preparing, Sink, Skill, World
+from executive.protocols import Estimator, FaultSource, Planner, Preparing, Sink, Skill, Witness, World
 from executive.types import Facts, Task
 
 
@@ -32,6 +32,7 @@ def make_executive(
     moves: Mapping[str, Skill] | None = None,
     run_state: RunState | None = None,
     prepare: Iterable[Preparing] = (),
+    witness: Witness | None = None,
 ) -> Executive:
     """Put the closed loop together, ready to `run`.
 
@@ -48,13 +49,14 @@ def make_executive(
         moves: skills that bring the arm out of the way, by name, the mildest first.
         run_state: how the run stands, where another process began it.
         prepare: what has to be made ready before the first look.
+        witness: what tells of atoms at a look beside the estimator; the monitor knows how it errs.
 
     Raises:
         InputError: neither an estimator nor initial facts.
     """
     settings = settings or Settings()
     session = Session(sinks, world, settings.seed, faults)
-    observer = CameraObserver(estimator, world, session, settings, attention, moves) if estimator else None
+    observer = CameraObserver(estimator, world, session, settings, attention, moves, witness) if estimator else None
     monitor = monitor or ThresholdMonitor(task.atoms)
     return Executive(
         task, planner, monitor, skills, session, observer, settings, initial, domain, run, run_state, prepare

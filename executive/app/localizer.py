@@ -6,23 +6,27 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from executive.app.shape_cache import with_field
 from executive.errors import DomainError
 from executive.faults import FaultInjector, faulty_sensing
-from executive.perception import Capture, ItemModel, Localizer
+from executive.perception import Capture, EstimatedScenes, ItemModel, Localizer
 from executive.sim.known_models import KnownScene, item_meshes
 from executive.sim.spec import SceneSpec
 from executive.sim.world import MujocoWorld
 from executive.types import Observation
 
 
-def estimate_poses(world: object, faults: FaultInjector) -> None:
-    """Have skills act on poses that are estimated by what a simulated world's depth cameras see, as the faults demand.
+def estimate_poses(world: MujocoWorld, faults: FaultInjector) -> EstimatedScenes:
+    """Have skills act on poses that are estimated by what a simulated world's depth cameras see, as the faults demand;
+    return what draws scenes from them.
 
     Raises:
         DomainError: no camera of the scene measures depth.
     """
-    if isinstance(world, MujocoWorld):
-        world.localizer = open_localizer(world, faulty_sensing(world, world.sense, faults))
+    spec = world.spec.model_copy(update={"items": tuple(i for i in world.spec.items if i.name in world.items)})
+    models, known = item_models(spec), KnownScene(spec)
+    world.localizer = open_localizer(world, faulty_sensing(world, world.sense, faults), models, known)
+    return EstimatedScenes(models, known)
 
 
 def open_localizer(
@@ -58,6 +62,8 @@ def open_localizer(
 def item_models(spec: SceneSpec) -> list[ItemModel]:
     """Return the shapes of a scene's items, as their makers tell them."""
     return [
-        ItemModel(name, mesh.vertices.astype(float), mesh.faces.astype(np.int64), np.array(mesh.rgba[:3]), axis)
+        with_field(
+            ItemModel(name, mesh.vertices.astype(float), mesh.faces.astype(np.int64), np.array(mesh.rgba[:3]), axis)
+        )
         for name, (mesh, axis) in item_meshes(spec).items()
     ]

@@ -6,6 +6,7 @@ Everything that is built here can be built by hand from `executive.belief`.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from executive.app import sensor_fit
 from executive.app.config import EstimatorConfig, MonitorConfig
@@ -18,6 +19,7 @@ from executive.belief import (
     SensorModel,
     ThresholdMonitor,
     Thresholds,
+    WitnessModel,
 )
 from executive.belief.action_model import process_noise
 from executive.domain.loader import Domain
@@ -32,6 +34,7 @@ def open_monitor(
     estimator: EstimatorConfig | None,
     seconds: float = 30.0,
     oracle: SensorModel | None = None,
+    witnesses: Mapping[str, WitnessModel] = MappingProxyType({}),
 ) -> Monitor:
     """Build a run's monitor, and find the task's mutex groups and, if there are few, its states for it.
 
@@ -39,6 +42,7 @@ def open_monitor(
         estimator: the options of the estimator that it monitors; None for the oracle.
         seconds: the wall time that finding the mutex groups may take.
         oracle: the oracle's sensor model, unless `config.trust` has another one; without it, it is exact.
+        witnesses: how those err that tell of atoms beside the estimator, by name.
 
     Raises:
         InputError: the file `trust` is damaged, or has too few looks for the error rate.
@@ -54,7 +58,7 @@ def open_monitor(
     space = list_states(domain.parsed, found)
     network = MutexNetwork(domain.task.atoms, groups_of(found, space))
     actions = ActionModel(counts, process_noise(len(domain.task.atoms))) if config.memory else None
-    return BayesMonitor(network, sensor, actions, thresholds, domain.looking.carried, space)
+    return BayesMonitor(network, sensor, actions, thresholds, domain.looking.carried, space, witnesses)
 
 
 def _sensor_model(

@@ -4,7 +4,7 @@ monitor, faults and sinks come together. Everything that it builds can be built 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -30,7 +30,8 @@ from executive.faults import (
     faulty_world,
 )
 from executive.planning.feasible import FeasiblePlanner
-from executive.protocols import Planner, Preparing, Recalling, Sink
+from executive.protocols import Planner, Preparing, Recalling, Sink, Witness
+from executive.relations.kinds import RelationKind, read_relation_kinds
 from executive.trace.record import monitor_file
 from executive.trace.record.frames import FrameLog
 from executive.trace.record.log import EventLog
@@ -41,6 +42,7 @@ from executive.types import Facts
 from executive.util import requirements
 
 if TYPE_CHECKING:
+    from executive.belief import WitnessModel
     from executive.s3e import S3E, Backend
     from executive.s3e.backends.own_process import OwnProcess
 
@@ -97,7 +99,9 @@ class Run:
         if config.estimator != "none":
             seconds = min(30.0, config.patience, config.settings().max_seconds)
             oracle = oracle_sensor_model(config)
-            self.monitor = open_monitor(config.monitor, self.domain, estimator_config, seconds, oracle)
+            self.monitor = open_monitor(
+                config.monitor, self.domain, estimator_config, seconds, oracle, self._witness_models()
+            )
         if estimator_config is not None and vlm is None:
             vlm = open_estimator(estimator_config, self.domain.subject, self._in_own_process)
         first_observation = 0 if self._past is None else self._past.observations
@@ -193,10 +197,7 @@ class Run:
         else:
             estimator = vlm or self._stage.oracle
         faults = FaultInjector(injected, self.world, config.seed)
-        if config.poses == DEPTH:
-            from executive.app.localizer import estimate_poses
-
-            estimate_poses(self.world, faults)
+        witness = self._estimate_poses(faults) if config.poses == DEPTH else None
         skills, moves = self._stage.skills, self._stage.moves
         preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
         return make_executive(
@@ -223,7 +224,31 @@ class Run:
             moves=moves,
             run_state=run_state,
             prepare=limit_preparing(preparing, self._seconds_left),
+            witness=witness,
         )
+
+    def _sees_depth(self) -> bool:
+        """Whether depth tells of atoms beside the model; the oracle knows already."""
+        return self.config.poses == DEPTH and self.config.estimator == "vlm"
+
+    def _witness_models(self) -> Mapping[str, WitnessModel]:
+        """Return how those err that tell of atoms beside the estimator, by name."""
+        if not self._sees_depth():
+            return {}
+        from executive.app.depth_witness import NAME, witness_model
+
+        return {NAME: witness_model(self._relation_kinds())}
+
+    def _estimate_poses(self, faults: FaultInjector) -> Witness | None:
+        """Have skills act on what depth cameras see, and return what it tells of atoms, if it is to."""
+        from executive.app.depth_witness import DepthWitness
+        from executive.app.localizer import estimate_poses
+
+        scenes = estimate_poses(self.world, faults)
+        return DepthWitness(self.world, scenes, self._relation_kinds()) if self._sees_depth() else None
+
+    def _relation_kinds(self) -> Mapping[str, RelationKind]:
+        return read_relation_kinds(self.domain.relations, self.domain.task.parameters, self.domain.files[0])
 
     def _seconds_left(self) -> float:
         """Return how many wall seconds the run has left."""

@@ -11,6 +11,7 @@ from executive.belief.mutex_inference import Group, MutexNetwork
 from executive.belief.sensor_model import EXACT, ErrorModel, SensorModel
 from executive.belief.state_space import StateSpace
 from executive.belief.threshold import ThresholdMonitor
+from executive.belief.witnesses import WitnessModel
 
 __all__ = [
     "EXACT",
@@ -27,4 +28,5 @@ __all__ = [
     "StateSpace",
     "ThresholdMonitor",
     "Thresholds",
+    "WitnessModel",
 ]

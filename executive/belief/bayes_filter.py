@@ -29,6 +29,7 @@ from executive.belief.priors import Listed, Prior, Weighted, predict
 from executive.belief.priors import posterior as listed_posterior
 from executive.belief.sensor_model import LEAST_EVIDENCE, PastEvidence, SensorModel
 from executive.belief.state_space import StateSpace
+from executive.belief.witnesses import WitnessModel, together
 from executive.types import Atom, Belief, Contradiction, Facts, FloatArray, Overruled, SkillResult, SkillStatus, Step
 
 DEFAULT_THRESHOLDS = Thresholds(0.15, 0.85)
@@ -67,6 +68,7 @@ class BeliefState:
     Attributes:
         hypotheses: the prior, one for each outcome of the last action.
         evidence: the log-likelihood ratios of this moment's answers, atom by atom.
+        witnessed: the same of what each witness told, by its name.
         marginal: each atom's posterior probability; None before the first look.
         before, now: the last known values before this moment's looks, and with them.
         earlier: the evidence of looks at earlier moments about atoms that no action has affected since.
@@ -80,6 +82,16 @@ class BeliefState:
     now: LastKnown = field(default_factory=LastKnown)
     earlier: Mapping[Atom, PastEvidence] = field(default_factory=lambda: MappingProxyType({}))
     sensed: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
+    witnessed: Mapping[str, Mapping[Atom, tuple[float, ...]]] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def told(self) -> Mapping[Atom, tuple[float, ...]]:
+        """The log-likelihood ratios of all that this moment's looks told of an atom, whoever did."""
+        if not self.witnessed:
+            return self.evidence
+        every = (self.evidence, *self.witnessed.values())
+        atoms = {atom: None for each in every for atom in each}
+        return {atom: tuple(value for each in every for value in each.get(atom, ())) for atom in atoms}
 
 
 class _Posterior(NamedTuple):
@@ -106,6 +118,7 @@ class BayesMonitor:
         carried: by action, the atom that is true while its skill carries something (see `Step.about`); the gripper's
             own sensing is evidence about it, besides the looks.
         space: the states that the task's actions lead to, if they are listed.
+        witnesses: how those err that tell of atoms beside the estimator, by name; others are not listened to.
     """
 
     network: MutexNetwork
@@ -114,6 +127,7 @@ class BayesMonitor:
     thresholds: Mapping[str, Thresholds] = field(default_factory=lambda: MappingProxyType({}))
     carried: Mapping[str, tuple[str, tuple[int, ...]]] = field(default_factory=lambda: MappingProxyType({}))
     space: StateSpace | None = None
+    witnesses: Mapping[str, WitnessModel] = field(default_factory=lambda: MappingProxyType({}))
     _uniform: Mapping[Atom, float] = field(init=False, repr=False)
     _partners: Mapping[Atom, frozenset[Atom]] = field(init=False, repr=False)
     _clusters: Mapping[Atom, tuple[tuple[Group, ...], ...]] = field(init=False, repr=False)
@@ -182,19 +196,20 @@ class BayesMonitor:
         evidence = {**memory.evidence}
         for atom, value in answers.items():
             evidence[atom] = (*evidence.get(atom, ()), self.sensor_model.evidence(atom, value))
-        memory = replace(memory, evidence=MappingProxyType(evidence))
+        memory = replace(memory, evidence=MappingProxyType(evidence), witnessed=self._witnessed(memory, raw))
+        told = memory.told
         posterior = self._posterior(memory)
         marginal = posterior.marginal
-        seen = self._seen(marginal, evidence)
+        seen = self._seen(marginal, told)
         now = memory.before.updated(seen, cycle)
-        decided = {atom: marginal[atom] for atom in self.network.atoms if atom in evidence or atom in seen}
+        decided = {atom: marginal[atom] for atom in self.network.atoms if atom in told or atom in seen}
         judgement = Judgement(
             belief=replace(raw, probability=decided, unanswered=frozenset(self.network.atoms) - decided.keys()),
             seen=seen,
             probability=MappingProxyType(dict(marginal)),
             state=Facts.closed(posterior.best, self.network.atoms)
             if posterior.is_listed
-            else self._state(posterior.best, evidence, seen, now.facts),
+            else self._state(posterior.best, told, seen, now.facts),
             contradictions=self._contradictions(answers, marginal),
             overruled=tuple(self._overruled(answers, seen, marginal)),
             remembered=now.remembered(seen, cycle, marginal),
@@ -212,6 +227,30 @@ class BayesMonitor:
     def state_with(self, memory: BeliefState, atom: Atom) -> Facts | None:
         return Facts.closed(self._posterior(memory, {atom: _CERTAIN}).best, self.network.atoms)
 
+    def _witnessed(self, memory: BeliefState, raw: Belief) -> Mapping[str, Mapping[Atom, tuple[float, ...]]]:
+        """Return what witnesses told at this moment, with what they tell in one more look."""
+        found = {name: dict(told) for name, told in memory.witnessed.items()}
+        for name, told in raw.witnesses.items():
+            if name in self.witnesses:
+                own, sensor = found.setdefault(name, {}), self.witnesses[name].sensor
+                for atom, value in told.items():
+                    if atom in self._partners:
+                        own[atom] = (*own.get(atom, ()), sensor.evidence(atom, value))
+        return MappingProxyType(found)
+
+    def _told(self, memory: BeliefState) -> dict[Atom, float]:
+        """Return the evidence of this moment's looks about each atom, of the estimator and of witnesses together."""
+        pooled = {atom: self.sensor_model.pooled(values, atom.predicate) for atom, values in memory.evidence.items()}
+        if not memory.witnessed:
+            return pooled
+        others: dict[Atom, list[tuple[float, float]]] = {}
+        for name, told in memory.witnessed.items():
+            witness = self.witnesses[name]
+            for atom, values in told.items():
+                evidence = witness.sensor.pooled(values, atom.predicate), witness.shared
+                others.setdefault(atom, []).append(evidence)
+        return {atom: together(pooled.get(atom), others.get(atom, ())) for atom in memory.told}
+
     def _carry_evidence(
         self,
         memory: BeliefState,
@@ -222,12 +261,13 @@ class BayesMonitor:
         """Return the evidence that stays for the next moment: that about atoms which the action does not affect.
         `marginal` is the posterior of this moment, `unchanged` the same with process noise."""
         kept = {}
-        for atom in (memory.evidence.keys() | memory.earlier.keys()) - undetermined:
+        told = self._told(memory)
+        for atom in (told.keys() | memory.earlier.keys()) - undetermined:
             before, after = memory.earlier.get(atom), _log_odds(marginal[atom])
             if before is None:
                 now = PastEvidence((after,), after)
-            elif atom in memory.evidence:
-                now = before.with_look(self.sensor_model.pooled(memory.evidence[atom], atom.predicate), after)
+            elif atom in told:
+                now = before.with_look(told[atom], after)
             else:
                 now = before
             kept[atom] = now._replace(believed=_log_odds(unchanged[atom]))
@@ -275,10 +315,7 @@ class BayesMonitor:
 
     def _evidence(self, memory: BeliefState) -> dict[Atom, float]:
         """Return what this moment's looks and the last skill's report add to the log-odds of each atom."""
-        evidence = {
-            atom: self._increment(atom, self.sensor_model.pooled(values, atom.predicate), memory)
-            for atom, values in memory.evidence.items()
-        }
+        evidence = {atom: self._increment(atom, value, memory) for atom, value in self._told(memory).items()}
         for atom, value in memory.sensed.items():
             evidence[atom] = evidence.get(atom, 0.0) + value
         return evidence

@@ -15,7 +15,7 @@ from executive.core.hold_guard import HoldGuard
 from executive.core.run_state import RunState
 from executive.core.session import Session
 from executive.core.settings import Settings
-from executive.protocols import Asking, Estimator, Skill, World
+from executive.protocols import Asking, Estimator, Skill, Witness, World
 from executive.types import (
     Atom,
     Belief,
@@ -87,6 +87,7 @@ class CameraObserver:
     Args:
         attention: which cameras show what best.
         moves: skills that bring the arm out of the way, by name, the mildest first.
+        witness: what tells of atoms at a look beside the estimator.
     """
 
     def __init__(
@@ -97,7 +98,9 @@ class CameraObserver:
         settings: Settings,
         attention: Attention | None = None,
         moves: Mapping[str, Skill] | None = None,
+        witness: Witness | None = None,
     ) -> None:
+        self._witness = witness
         self.estimator, self._world, self._session, self._settings = estimator, world, session, settings
         self._attention, self._moves = attention or Attention(), dict(moves or {})
         self._latest: dict[str, Image] = {}
@@ -178,7 +181,11 @@ class CameraObserver:
                 images = {camera: image for camera, image in good.items() if not cameras or camera in cameras}
                 parts.append(self._ask(observation, images, self._unanswered(images, atoms)))
                 self._answered.append((images, frozenset(parts[-1].probability)))
-        answers = parts[0] if len(parts) == 1 else _joined(parts)
+            answers = parts[0] if len(parts) == 1 else _joined(parts)
+            if self._witness is not None:
+                about = [atom for atoms in close.values() for atom in atoms]
+                told = self._witness.testify(observation, about)
+                answers = replace(answers, witnesses={self._witness.name: told})
         atoms_there_are = len(run_state.task.atoms)
         whole = kind is LookKind.FOCUSED and sum(map(len, close.values())) == atoms_there_are
         return self._report(observation, answers, LookKind.FULL if whole else kind, good, atoms_there_are)

@@ -25,7 +25,7 @@ _ROUNDS = 3
 """How often what is left of the clusters is matched with what is left of the items: things that touch are one cluster
 until one of them is known."""
 
-_HOLDING = (0.004, 0.080)
+HOLDING = (0.004, 0.080)
 """m between the pads when something is held."""
 
 _AT_GRIP = 0.02
@@ -127,7 +127,7 @@ class Localizer:
         before = {} if self._estimate is None else self._estimate.poses
         found: dict[str, EstimatedPose] = {}
         hand = self._known.hand(sensed.joints)
-        if not _HOLDING[0] < sensed.width < _HOLDING[1]:
+        if not HOLDING[0] < sensed.width < HOLDING[1]:
             self._held = None
         elif self._held is None:
             self._take_hold(hand, before)
@@ -136,7 +136,7 @@ class Localizer:
             cloud = self._follow(*held, hand, cloud, views, found, sensed.time)
         cloud = self._find(cloud, views, found, sensed.time)
         found, before = self._tell_apart(found, before, sensed.time)
-        if held is None and _HOLDING[0] < sensed.width < _HOLDING[1] and (name := self._take_hold(hand, found)):
+        if held is None and HOLDING[0] < sensed.width < HOLDING[1] and (name := self._take_hold(hand, found)):
             found[name] = replace(found[name], source="held")
         for name, pose in before.items():
             if name not in found and not self._is_refuted(name, pose, views):

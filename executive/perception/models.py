@@ -102,7 +102,7 @@ class ItemModel:
         """The signed distance to the surface in m, negative inside, and its gradient: (X, Y, Z, 4), `CELL` apart, from
         `-(half + MARGIN)` on."""
         low = -(self.half + MARGIN)
-        size = np.ceil(-2.0 * low / CELL).astype(int) + 1
+        size = self.field_shape()[:3]
         axes = [low[axis] + CELL * np.arange(size[axis]) for axis in range(3)]
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         points, normals = self._dense
@@ -119,6 +119,22 @@ class ItemModel:
         length = np.linalg.norm(gradient, axis=-1, keepdims=True)
         gradient /= np.maximum(length, 1e-6)
         return np.concatenate([distance[..., None], gradient], axis=-1).astype(np.float32)
+
+    def field_shape(self) -> tuple[int, ...]:
+        """The shape of `field`."""
+        low = -(self.half + MARGIN)
+        return (*(np.ceil(-2.0 * low / CELL).astype(int) + 1).tolist(), 4)
+
+    def use_field(self, field: npt.NDArray[np.float32]) -> None:
+        """Have a field that was computed for this very shape before be `field`; computing it takes a quarter of a
+        second.
+
+        Raises:
+            ValueError: it is the field of another shape.
+        """
+        if field.shape != self.field_shape() or field.dtype != np.float32 or not np.isfinite(field).all():
+            raise ValueError(f"{self.name}: expected a field of {self.field_shape()}, got {field.shape}")
+        vars(self)["field"] = field
 
     def distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The signed distances (...) in m of points (..., 3) around `centre` to the surface, and their gradients

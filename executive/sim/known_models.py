@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from executive.relations import Solid
 from executive.sim import scene, viewer_geometry
 from executive.sim.rendering import Drawing
+from executive.sim.solids import Solids
 from executive.sim.spec import SceneSpec
 from executive.types import Camera, FloatArray, Geometry
 
@@ -35,6 +37,8 @@ class KnownScene:
         self.cameras: Mapping[str, Camera] = {
             camera.name: camera for camera in viewer_geometry.of(self._model, spec).cameras
         }
+        self._solids = Solids(self._model, spec.model_copy(update={"items": ()}))
+        self.tables: Mapping[str, Solid] = self._solids.tables
         half = np.array([0.5 * np.hypot(table.size[0], table.size[1]) for table in spec.tables])
         centres = np.array([table.centre for table in spec.tables])
         low, high = (centres[:, :2] - half[:, None]).min(axis=0), (centres[:, :2] + half[:, None]).max(axis=0)
@@ -58,6 +62,11 @@ class KnownScene:
         site, hand = self._data.site(scene.GRIP_SITE), np.eye(4)
         hand[:3, :3], hand[:3, 3] = site.xmat.reshape(3, 3), site.xpos
         return hand
+
+    def finger_solids(self, joints: FloatArray, fingers: FloatArray) -> tuple[Solid, Solid]:
+        """The left and the right finger at measured joint positions of arm and fingers (rad)."""
+        self._place(joints, fingers)
+        return self._solids.fingers(self._data)
 
     def close(self) -> None:
         self._drawing.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -100,7 +101,8 @@ class Belief:
     Evidence is stored, decisions are derived: `truth` thresholds on demand. An atom that was asked about and not
     answered is in `unanswered` and has no probability; its truth is None, and None is never True. `source` names the
     estimator, or is "assumed" in a blind run. `evidence` has the answers that the probabilities were computed from, if
-    the estimator has them: several for an atom if each camera was asked on its own.
+    the estimator has them: several for an atom if each camera was asked on its own. `witnesses` has what else tells of
+    atoms at that look, by its name, each with probabilities of its own.
     """
 
     observation_id: int
@@ -108,9 +110,11 @@ class Belief:
     unanswered: frozenset[Atom] = frozenset()
     source: str = ""
     evidence: Mapping[Atom, tuple[Evidence, ...]] = field(default_factory=dict)
+    witnesses: Mapping[str, Mapping[Atom, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for atom, value in self.probability.items():
+        told = (each.items() for each in (self.probability, *self.witnesses.values()))
+        for atom, value in itertools.chain.from_iterable(told):
             if not (isinstance(value, int | float) and math.isfinite(value) and 0.0 <= value <= 1.0):
                 raise ValueError(f"P({atom}) = {value!r} is not a probability")
         both = self.unanswered & self.probability.keys()
@@ -119,6 +123,8 @@ class Belief:
         ordered = {atom: float(self.probability[atom]) for atom in sorted(self.probability)}
         object.__setattr__(self, "probability", MappingProxyType(ordered))
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
+        witnesses = {name: MappingProxyType(dict(sorted(each.items()))) for name, each in self.witnesses.items()}
+        object.__setattr__(self, "witnesses", MappingProxyType(witnesses))
 
     @classmethod
     def certain(cls, facts: Mapping[Atom, bool], observation_id: int = -1, source: str = "assumed") -> Belief:

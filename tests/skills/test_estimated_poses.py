@@ -10,12 +10,16 @@ import numpy as np
 import pytest
 
 from executive.app.config import DEPTH, RunConfig
-from executive.app.localizer import open_localizer
+from executive.app.depth_witness import ABSENT, DepthWitness
+from executive.app.localizer import estimate_poses, open_localizer
 from executive.app.run import Run
+from executive.faults import FaultInjector
+from executive.relations.kinds import read_relation_kinds
+from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.trace.record.log import read_events
-from executive.types import FaultInjected, Observation, OutcomeKind, PosesEstimated, SkillStatus
-from tests.executive.sim.stage import TABLES, grocery
+from executive.types import Atom, FaultInjected, Observation, OutcomeKind, PosesEstimated, SkillStatus
+from tests.executive.sim.stage import MEANING, TABLES, grocery
 from tests.skills.test_skills import Robot
 
 
@@ -115,3 +119,23 @@ def test_a_whole_run_by_depth_alone(estimator: str, tmp_path: Path, monkeypatch:
     first, *_, last = [payload for payload in payloads if isinstance(payload, Observation)]
     assert "black" in first.depth
     assert "black" not in last.depth
+
+
+def test_depth_tells_of_atoms_as_the_truth_has_them() -> None:
+    """A second witness: relations on the estimated scene; of what is hidden and only remembered it tells nothing."""
+    world = grocery(21, ("bread-loaf", "lemon", "soda-can"), depth=True)
+    scenes = estimate_poses(world, FaultInjector([], world, 0))
+    witness = DepthWitness(world, scenes, read_relation_kinds(MEANING, {}))
+    atoms = [
+        *(Atom("on-table", (item, table)) for item in world.items for table in TABLES),
+        Atom("robot-gripper-empty"),
+    ]
+    truth = Truth(world, MEANING)
+    told = witness.testify(world.sense(), atoms)
+    assert {atom: round(value) for atom, value in told.items()} == dict(truth.of(atoms))
+    world.put("lemon", np.array([0.0, 0.0, 30.0, 1.0, 0.0, 0.0, 0.0]))
+    world.settle(0.1)
+    told = witness.testify(world.sense(), atoms)
+    assert {told[atom] for atom in atoms if "lemon" in atom.args} == {ABSENT}
+    world.localizer = None
+    assert witness.testify(world.sense(), atoms) == {}

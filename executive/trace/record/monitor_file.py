@@ -24,6 +24,7 @@ from executive.belief import (
     StateSpace,
     ThresholdMonitor,
     Thresholds,
+    WitnessModel,
 )
 from executive.errors import InputError, nearest
 from executive.trace.record.codec import decode, encode
@@ -63,6 +64,12 @@ class _SensorModel:
 
 
 @dataclass(frozen=True, slots=True)
+class _Witness:
+    sensor: _SensorModel
+    shared: float
+
+
+@dataclass(frozen=True, slots=True)
 class _Fused:
     groups: tuple[Group, ...]
     eye: _SensorModel
@@ -76,6 +83,7 @@ class _Fused:
     """The listed states' bits, compressed, as text; nothing where none are listed."""
     rules: Mapping[Atom, Condition] = field(default_factory=dict)
     """How derived atoms follow from those of the listed states."""
+    witnesses: Mapping[str, _Witness] = field(default_factory=dict)
 
 
 _KINDS: Mapping[str, type] = {"plain": _Plain, "fused": _Fused}
@@ -133,8 +141,17 @@ def _fused(monitor: BayesMonitor) -> _Fused:
     for (action, status), each in (monitor.actions.counts if monitor.actions else {}).items():
         counts.setdefault(action, {})[status.value] = tuple(each)
     unrest = None if monitor.actions is None else monitor.actions.process_noise
-    sensor = monitor.sensor_model
-    eye = _SensorModel(
+    carried = {action: _Carried(*said) for action, said in monitor.carried.items()}
+    witnesses = {name: _Witness(_kept(each.sensor), each.shared) for name, each in monitor.witnesses.items()}
+    eye = _kept(monitor.sensor_model)
+    kept = _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried, witnesses=witnesses)
+    if monitor.space is None:
+        return kept
+    return replace(kept, states=_compressed(monitor.space), rules=monitor.space.rules.rules)
+
+
+def _kept(sensor: SensorModel) -> _SensorModel:
+    return _SensorModel(
         sensor.error_models,
         sensor.other,
         sensor.correlation_within,
@@ -142,11 +159,10 @@ def _fused(monitor: BayesMonitor) -> _Fused:
         sensor.atoms,
         sensor.correlations,
     )
-    carried = {action: _Carried(*said) for action, said in monitor.carried.items()}
-    kept = _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried)
-    if monitor.space is None:
-        return kept
-    return replace(kept, states=_compressed(monitor.space), rules=monitor.space.rules.rules)
+
+
+def _sensor(kept: _SensorModel) -> SensorModel:
+    return SensorModel(kept.readings, kept.other, kept.alike, kept.lasting, kept.atoms, kept.correlations)
 
 
 def _compressed(space: StateSpace) -> str:
@@ -184,8 +200,7 @@ def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
                 counts[action, SkillStatus(status)] = Chances(*numbers)
         actions = ActionModel(counts, kept.unrest)
     carried = {action: (said.predicate, said.positions) for action, said in kept.carried.items()}
-    eye = kept.eye
-    sensor = SensorModel(eye.readings, eye.other, eye.alike, eye.lasting, eye.atoms, eye.correlations)
     network = MutexNetwork(tuple(atoms), kept.groups)
     space = _listed(kept.states, atoms, kept.rules) if kept.states else None
-    return BayesMonitor(network, sensor, actions, kept.thresholds, carried, space)
+    witnesses = {name: WitnessModel(_sensor(each.sensor), each.shared) for name, each in kept.witnesses.items()}
+    return BayesMonitor(network, _sensor(kept.eye), actions, kept.thresholds, carried, space, witnesses)

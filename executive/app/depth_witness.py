@@ -1,0 +1,70 @@
+"""Depth as a witness: relations asked about the scene that perception estimates, in place of the true one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from executive.belief import ErrorModel, SensorModel, WitnessModel
+from executive.perception import EstimatedScenes
+from executive.relations.kinds import RelationKind
+from executive.sim.world import MujocoWorld
+from executive.types import Atom, Observation
+
+NAME = "depth"
+
+ABSENT = 0.1
+"""The probability of an atom about an item that is seen nowhere, with nothing there that it could be."""
+
+ERRORS: Mapping[str, ErrorModel] = {
+    "on": ErrorModel(0.01, 0.01),
+    "gripping": ErrorModel(0.01, 0.02),
+    "gripper-empty": ErrorModel(0.02, 0.01),
+}
+"""By relation, how often it is wrong on the estimated scene (`python -m benchmarks.relations --depth`)."""
+
+
+class DepthWitness:
+    """Tells of the atoms whose items are seen, or are in the hand.
+
+    Args:
+        world: a simulated world whose poses are estimated.
+        scenes: draws scenes by what is estimated.
+        kinds: the relation of each predicate.
+    """
+
+    name = NAME
+
+    def __init__(self, world: MujocoWorld, scenes: EstimatedScenes, kinds: Mapping[str, RelationKind]) -> None:
+        self._world, self._scenes, self._kinds = world, scenes, kinds
+        self._items = set(world.items)
+
+    def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
+        """Return the share of the scenes that are drawn from what is estimated in which each atom is true.
+
+        There is no answer about what is hidden and only remembered. What is seen nowhere is hardly on anything, unless
+        there is something that may be it.
+        """
+        world = self._world
+        if world.localizer is None:
+            return {}
+        poses = world.localizer.now()
+        scenes = self._scenes.drawn(poses, world.joints(), world.gripper_joints(), world.gripper_width())
+        told = {}
+        for atom in atoms:
+            kind = self._kinds.get(atom.predicate)
+            if kind is None:
+                continue
+            about = [name for name in kind.about(atom) if name in self._items]
+            if any(name in poses.missing for name in about):
+                if not poses.lumps:
+                    told[atom] = ABSENT
+            elif all(poses.poses[name].source != "remembered" for name in about):
+                told[atom] = sum(kind.holds(scene, atom) for scene in scenes) / len(scenes)
+        return told
+
+
+def witness_model(kinds: Mapping[str, RelationKind]) -> WitnessModel:
+    """Return how depth errs about the predicates with these relations. A second look at the same moment measures nearly
+    the same, and so does the estimator where something is hidden from both."""
+    errors = {predicate: ERRORS[kind.name] for predicate, kind in kinds.items() if kind.name in ERRORS}
+    return WitnessModel(SensorModel(errors, correlation_within=0.9, correlation_across=0.5), shared=0.2)
