@@ -35,7 +35,8 @@ class DepthWitness:
     name = NAME
 
     def __init__(self, world: MujocoWorld, scenes: EstimatedScenes, kinds: Mapping[str, RelationKind]) -> None:
-        self._world, self._scenes, self._kinds = world, scenes, kinds
+        self._world, self._kinds = world, kinds
+        self._scenes: EstimatedScenes | None = scenes
         self._items = set(world.items)
 
     def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
@@ -45,7 +46,7 @@ class DepthWitness:
         there is something that may be it.
         """
         world = self._world
-        if world.localizer is None:
+        if world.localizer is None or self._scenes is None:
             return {}
         poses = world.localizer.now()
         scenes = self._scenes.drawn(poses, world.joints(), world.gripper_joints(), world.gripper_width())
@@ -61,6 +62,11 @@ class DepthWitness:
             elif all(poses.poses[name].source != "remembered" for name in about):
                 told[atom] = sum(kind.holds(scene, atom) for scene in scenes) / len(scenes)
         return told
+
+    def close(self) -> None:
+        """Let go of what is known of robot and room, with its off-screen renderer, while there is an OpenGL to free it
+        in; there are no answers afterwards."""
+        self._scenes = None
 
 
 def witness_model(kinds: Mapping[str, RelationKind]) -> WitnessModel:

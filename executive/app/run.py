@@ -30,7 +30,7 @@ from executive.faults import (
     faulty_world,
 )
 from executive.planning.feasible import FeasiblePlanner
-from executive.protocols import Planner, Preparing, Recalling, Sink, Witness
+from executive.protocols import Planner, Preparing, Recalling, Sink
 from executive.relations.kinds import RelationKind, read_relation_kinds
 from executive.trace.record import monitor_file
 from executive.trace.record.frames import FrameLog
@@ -42,6 +42,7 @@ from executive.types import Facts
 from executive.util import requirements
 
 if TYPE_CHECKING:
+    from executive.app.depth_witness import DepthWitness
     from executive.belief import WitnessModel
     from executive.s3e import S3E, Backend
     from executive.s3e.backends.own_process import OwnProcess
@@ -132,6 +133,8 @@ class Run:
         for sink in self._sinks:
             sink.close()
         self._close_model()
+        if self._witness is not None:
+            self._witness.close()
         self.world.close()
         requirements.give_back_memory()
 
@@ -197,7 +200,7 @@ class Run:
         else:
             estimator = vlm or self._stage.oracle
         faults = FaultInjector(injected, self.world, config.seed)
-        witness = self._estimate_poses(faults) if config.poses == DEPTH else None
+        self._witness = self._estimate_poses(faults) if config.poses == DEPTH else None
         skills, moves = self._stage.skills, self._stage.moves
         preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
         return make_executive(
@@ -224,7 +227,7 @@ class Run:
             moves=moves,
             run_state=run_state,
             prepare=limit_preparing(preparing, self._seconds_left),
-            witness=witness,
+            witness=self._witness,
         )
 
     def _sees_depth(self) -> bool:
@@ -239,7 +242,7 @@ class Run:
 
         return {NAME: witness_model(self._relation_kinds())}
 
-    def _estimate_poses(self, faults: FaultInjector) -> Witness | None:
+    def _estimate_poses(self, faults: FaultInjector) -> DepthWitness | None:
         """Have skills act on what depth cameras see, and return what it tells of atoms, if it is to."""
         from executive.app.depth_witness import DepthWitness
         from executive.app.localizer import estimate_poses
