@@ -67,5 +67,29 @@ def bt(
     return REACHED
 
 
+@export.command()
+def lerobot(
+    runs: Annotated[
+        list[str], typer.Argument(help="Runs' folders, or their names in runs/.", autocompletion=completion.runs)
+    ],
+    out: Annotated[Path, typer.Option(help="The folder to make.")],
+    fps: Annotated[int, typer.Option(min=1, max=100, help="Rows a second of the world's clock.")] = 10,
+    cameras: Annotated[str, typer.Option(help="Cameras, with commas between them; all if not given.")] = "",
+    task: Annotated[
+        str | None, typer.Option(help="What the robot is to do, in words; each run's goal if not given.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write runs in the simulator as a data set of LeRobot (v3.0), with pictures drawn anew, an episode each."""
+    from executive.export import export_lerobot
+    from executive.trace.terminal.console import waiting
+
+    folders = [run_folder(run) for run in runs]
+    named = [camera.strip() for camera in cameras.split(",") if camera.strip()]
+    with waiting(sys.stderr, "drawing"):
+        written = export_lerobot(folders, out, fps, named, task)
+    _tell({"runs": [str(folder) for folder in folders], "lerobot": str(written)}, "lerobot", as_json)
+
+
 def _tell(document: dict[str, object], written: str, as_json: bool) -> None:
     print(json.dumps(document, indent=2) if as_json else document[written])

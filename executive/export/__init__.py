@@ -1,4 +1,5 @@
-"""What a run leaves, in the formats of others: MCAP for robot logs, behaviour trees for plans.
+"""What a run leaves, in the formats of others: MCAP for robot logs, behaviour trees for plans, data sets of
+LeRobot to learn from.
 
 Each of them is read by its own side's tools; nothing of Executive is needed there.
 """
@@ -11,13 +12,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from executive.export.behaviour_trees import monitored_tree, py_tree
     from executive.export.btcpp import btcpp_xml
+    from executive.export.lerobot import export_lerobot
     from executive.export.mcap_file import export_mcap
     from executive.export.plans import tree_of_problem, tree_of_run
 
-__all__ = ["btcpp_xml", "export_mcap", "monitored_tree", "py_tree", "tree_of_problem", "tree_of_run"]
+__all__ = ["btcpp_xml", "export_lerobot", "export_mcap", "monitored_tree", "py_tree", "tree_of_problem", "tree_of_run"]
 
 _FROM = {
     "btcpp_xml": "executive.export.btcpp",
+    "export_lerobot": "executive.export.lerobot",
     "export_mcap": "executive.export.mcap_file",
     "monitored_tree": "executive.export.behaviour_trees",
     "py_tree": "executive.export.behaviour_trees",

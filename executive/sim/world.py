@@ -320,6 +320,15 @@ class MujocoWorld:
         told = np.append(self.data.ctrl[self._servo], self._closed)
         return Frame(poses, self.joints(), self.gripper_width(), told, self.gripper_joints())
 
+    def show(self, frame: Frame) -> None:
+        """Have everything be where a frame has it, for drawing it; nothing moves on from there as it did then."""
+        self.data.qpos[self._arm] = frame.joints
+        if frame.fingers is not None:
+            self.data.qpos[self._finger_joints] = frame.fingers
+        for item, pose in frame.poses.items():
+            if item in self._places:
+                self.put(item, pose)
+
     def settle(self, seconds: float) -> None:
         """Advances the time with the arm's command unchanged."""
         period = self._steps * self.model.opt.timestep

@@ -41,11 +41,13 @@ def messages(file: Path, *topics: str) -> Iterator[tuple[str, int, Any]]:
     with file.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for schema, channel, message in reader.iter_messages(topics or None):
+            assert schema is not None
             if channel.message_encoding == "json":
                 assert schema.encoding == "jsonschema"
                 yield channel.topic, message.log_time, json.loads(message.data)
             else:
                 decode = DecoderFactory().decoder_for(channel.message_encoding, schema)
+                assert decode is not None
                 yield channel.topic, message.log_time, decode(message.data)
 
 
