@@ -34,6 +34,14 @@ WORLDS = MappingProxyType(
 
 ORACLE_POSES, DEPTH = "oracle", "depth"
 
+RENDERERS = MappingProxyType(
+    {"mujoco": "MuJoCo's OpenGL, fast", "mitsuba": "Mitsuba's path tracer: photorealistic, about a second a picture"}
+)
+
+RENDERER = Option(
+    "What draws all cameras' pictures: mujoco or mitsuba; as the scene says if not given.", choices=RENDERERS
+)
+
 POSES = MappingProxyType({ORACLE_POSES: "the simulator's", DEPTH: "estimated from depth pictures"})
 
 TRANSLATORS = MappingProxyType(
@@ -224,6 +232,7 @@ class RunConfig:
     poses: Annotated[
         str, Option("Where skills take poses from: oracle (the simulator), or depth (estimated).", choices=POSES)
     ] = ORACLE_POSES
+    renderer: Annotated[str | None, RENDERER] = None
     max_replans: Annotated[int | None, Option(_LIMIT, least=0)] = None
     max_actions: Annotated[int | None, Option(_LIMIT, least=1)] = None
     max_cycles: Annotated[int | None, Option(_LIMIT, least=1)] = None
@@ -270,6 +279,8 @@ class RunConfig:
                 raise OptionError(f"goes with `world` {SYMBOLIC_WORLD}", option=name)
         if is_symbolic and self.poses != ORACLE_POSES:
             raise OptionError("the symbolic world has no poses to estimate", option="poses")
+        if is_symbolic and self.renderer is not None:
+            raise OptionError("the symbolic world has no pictures to draw", option="renderer")
         if is_symbolic and self.estimator == "vlm":
             raise OptionError("the symbolic world has no pictures for a model", option="estimator")
         if self.eye == EstimatorConfig():

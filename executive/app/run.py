@@ -202,7 +202,7 @@ class Run:
         faults = FaultInjector(injected, self.world, config.seed)
         self._witness = self._estimate_poses(faults) if config.poses == DEPTH else None
         skills, moves = self._stage.skills, self._stage.moves
-        preparing = [skill for skill in (*skills.values(), *moves.values()) if isinstance(skill, Preparing)]
+        preparing = [each for each in (*skills.values(), *moves.values(), self.world) if isinstance(each, Preparing)]
         return make_executive(
             self.domain.task,
             limit_planner(faulty_planner(self._feasible(planner), faults), config.patience),

@@ -286,6 +286,7 @@ def _simulator(
         depth=config.poses == DEPTH,
         stacked=setting.stacked,
         regions=setting.regions,
+        renderer=config.renderer,
     )
     truth = Truth(world, domain.relations, task.parameters, domain.files[0])
     try:

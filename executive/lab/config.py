@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated
 
-from executive.app.config import DOMAIN_NAME, HOME_POSE, PROBLEM, EstimatorConfig
+from executive.app.config import DOMAIN_NAME, HOME_POSE, PROBLEM, RENDERER, EstimatorConfig
 from executive.app.options import Configuration, Option, check, command_words
 from executive.errors import OptionError
 from executive.util.files import legible
@@ -41,6 +41,7 @@ class CollectConfig:
     seed: Annotated[int, Option("Fixes everything, however many processes share the work.", least=0)] = 0
     home_pose: Annotated[bool, HOME_POSE] = True
     grasp_noise: Annotated[float, Option("Standard deviation of the grasp, in m.", least=0)] = 0.010
+    renderer: Annotated[str | None, RENDERER] = None
     slips: Annotated[float, Option("Chance of losing what is carried.", least=0, most=1)] = 0.05
     jobs: Annotated[int | None, Option("How many at a time; as many as there are cores if not given.", least=1)] = None
     per_episode: int = MOST_POINTS

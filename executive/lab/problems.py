@@ -87,7 +87,7 @@ class ProblemMaker:
         if subset is not None and subset not in self._recipe.subsets:
             raise OptionError(f"no subset {subset!r}; {nearest(subset, self._recipe.subsets)}", option="subset")
         self._subset = Subset() if subset is None else self._recipe.subsets[subset]
-        self._stem = subset or "random"
+        self._stem = f"{subset or 'random'}-{least}" + (f"-{most}" if most > least else "")
         there = [self._subset.only.get(name, list(values)) for name, values in self._scene.attributes.items()]
         self._described = [dict(zip(self._scene.attributes, words, strict=True)) for words in itertools.product(*there)]
         kinds = {self._key(each) for each in self._described}

@@ -12,16 +12,19 @@ from concurrent.futures import Future, wait
 from functools import cache
 from queue import SimpleQueue
 from threading import Thread, current_thread
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import mujoco
 import numpy as np
 
 from executive.sim import scene
-from executive.sim.spec import CameraSpec
+from executive.sim.spec import CameraSpec, SceneSpec
 from executive.types import FloatArray, Image
 from executive.util.native_libraries import keep_triton_apart
 from executive.util.requirements import cannot_draw
+
+if TYPE_CHECKING:
+    from executive.sim.photoreal import PhotorealDrawing
 
 _THREAD = "drawing"
 _T = TypeVar("_T")
@@ -52,18 +55,38 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Rend
 class Drawing:
     """The off-screen renderers of one model, one for each size of picture: making one takes most of a second.
 
+    Args:
+        spec: the model's scene, for cameras whose pictures Mitsuba renders.
+        seed: of the light in these.
+
     Raises:
-        MissingError: there is no off-screen OpenGL; at the first picture.
+        MissingError: there is no off-screen OpenGL, or no Mitsuba for a camera that wants it; at the first picture.
         InputError: the environment leads it astray.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._model = model
+    def __init__(self, model: mujoco.MjModel, spec: SceneSpec | None = None, seed: int = 0) -> None:
+        self._model, self._spec, self._seed = model, spec, seed
+        self._photoreal: PhotorealDrawing | None = None
         self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
 
     def picture(self, data: mujoco.MjData, camera: CameraSpec) -> Image:
         """What a camera sees of `data`, (H, W, 3) uint8."""
+        if camera.renderer == "mitsuba" and self._spec is not None:
+            return self.photoreal().picture(data, camera)
         return self.drawn(data, camera, lambda renderer: np.array(renderer.render()))
+
+    def photoreal(self) -> PhotorealDrawing:
+        """The renderer of photorealistic pictures, made at its first use.
+
+        Raises:
+            MissingError: Mitsuba is not installed.
+        """
+        if self._photoreal is None:
+            from executive.sim.photoreal import PhotorealDrawing
+
+            assert self._spec is not None, "its materials are the scene's"
+            self._photoreal = PhotorealDrawing(self._model, self._spec, self._seed)
+        return self._photoreal
 
     def depth(self, data: mujoco.MjData, camera: CameraSpec) -> FloatArray:
         """How far what a camera sees of `data` is along its optical axis, (H, W) in m, without any error."""
@@ -97,6 +120,7 @@ class Drawing:
 
     def close(self) -> None:
         """Free all of them."""
+        self._photoreal = None
         while self._renderers:
             _there(self._renderers.popitem()[1].close)
 

@@ -139,6 +139,9 @@ class CameraSpec(_Strict):
     fovy_degrees: Annotated[float, Field(gt=1, lt=150)] = 45.0
     width: Annotated[int, Field(ge=16, le=4096)] = 384
     height: Annotated[int, Field(ge=16, le=4096)] = 384
+    renderer: Literal["mujoco", "mitsuba"] = "mujoco"
+    """What draws its pictures: MuJoCo's OpenGL, or Mitsuba's path tracer (the extra `photoreal`), at a hundred times
+    the cost. Depth is MuJoCo's either way."""
     depth: bool = False
     depth_noise: Annotated[float, Field(ge=0, le=0.1)] = 0.002
     """Standard deviation of a depth measurement at 1 m, in m; it grows with the square of the distance. 0 turns the

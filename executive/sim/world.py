@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from executive.errors import DomainError, InputError
-from executive.sim import depth_sensor, disturbances, placement, scene, unknown
+from executive.sim import depth_sensor, disturbances, photoreal, placement, scene, unknown
 from executive.sim import viewer_geometry as scenery
 from executive.sim.rendering import Drawing, sensed
 from executive.sim.robot_api import ArmLimits, Handle, PoseSource
@@ -66,6 +66,7 @@ class MujocoWorld:
         depth: whether looks have the depth pictures of the cameras that measure depth.
         stacked: item -> the item that it stands on.
         regions: item -> the region that it is in.
+        renderer: what draws all cameras' pictures, in place of what the scene says.
 
     Raises:
         DomainError: the scene file is wrong, an object has no body, the items find no place, or the hand cannot hold
@@ -89,8 +90,14 @@ class MujocoWorld:
         depth: bool = False,
         stacked: Mapping[str, str] = MappingProxyType({}),
         regions: Mapping[str, str] = MappingProxyType({}),
+        renderer: str | None = None,
     ) -> None:
         spec = read_scene(file).restricted_to(objects, file)
+        if renderer is not None:
+            cameras = tuple(camera.model_copy(update={"renderer": renderer}) for camera in spec.cameras)
+            spec = spec.model_copy(update={"cameras": cameras})
+        if any(camera.renderer == "mitsuba" for camera in spec.cameras):
+            photoreal.require()
         self.items = tuple(item.name for item in spec.items)
         added = disturbances.boxes(spec, blockings)
         self.boxes = tuple(box.name for box in added)
@@ -112,7 +119,7 @@ class MujocoWorld:
         self._listener: Callable[[Frame], None] | None = None
         self._next_frame = 0.0
         self._observations = itertools.count(first_observation)
-        self.drawing = Drawing(self.model)
+        self.drawing = Drawing(self.model, self.spec, seed)
         self._camera_positions = np.array(self.model.cam_pos)
         self._steps = max(1, round(CONTROL_PERIOD / self.spec.timestep))
         self._arm = np.array([self.model.joint(name).qposadr[0] for name in scene.JOINTS])
@@ -184,6 +191,17 @@ class MujocoWorld:
         """One camera's picture without noise, (H, W, 3) uint8."""
         mujoco.mj_forward(self.model, self.data)
         return self.drawing.picture(self.data, next(spec for spec in self.spec.cameras if spec.name == camera))
+
+    def prepare(self, tell: Callable[[str], None]) -> None:
+        """Make the renderer of photorealistic pictures ready, if a camera has them; `tell` receives what one costs."""
+        drawn = [camera for camera in self.spec.cameras if camera.renderer == "mitsuba"]
+        if drawn:
+            tell("the scene for Mitsuba")
+            self.render(drawn[0].name)
+            drawing = self.drawing.photoreal()
+            drawing.forget_cost()  # the first one takes longer
+            self.render(drawn[0].name)
+            tell(f"the scene for {drawing.cost}")
 
     def snapshot(self) -> bytes:
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))

@@ -6,7 +6,7 @@
 
     [[domains]]
     domain = "grocery"                  # a name, or a folder beside this file
-    problems = ["breakfast"]            # without any, the domain's own
+    problems = ["breakfast"]            # without any, the domain's own; "FOLDER/*.pddl" for all files of a folder
 
     [faults]                            # what is broken, under a name
     "drop 0.3" = ["drop:p=0.3"]
@@ -28,6 +28,7 @@ estimator with a monitor. One that does not look has no monitor, and is one conf
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import os
 from collections.abc import Collection, Iterable, Mapping
@@ -161,9 +162,10 @@ class _Reader:
         places: dict[str, Place] = {}
         for number, said in enumerate(self._said.domains):
             where = str(self._beside(said.domain))
-            for which in said.problems or (None,):
+            for which in self._problems(said.problems, f"domains.{number}.problems") or (None,):
                 domain = load_domain(where, which)
-                place = Place(domain.name, which or domain.task.problem, where, which, domain.fingerprint())
+                name = which if which is not None and which in said.problems else domain.task.problem
+                place = Place(domain.name, name, where, which, domain.fingerprint())
                 if str(place) in places:
                     self._fail(f"domains.{number}", f"{place} is named twice")
                 places[str(place)] = place
@@ -173,6 +175,19 @@ class _Reader:
                     except InputError as error:
                         self._fail(f"faults.{name}", f"in {place}: {error.message}")
         return tuple(places.values())
+
+    def _problems(self, said: Iterable[str], key: str) -> list[str]:
+        """The problems that are named; a pattern such as FOLDER/*.pddl stands for all files that it fits, in order."""
+        found = []
+        for name in said:
+            if "*" not in name:
+                found.append(name)
+                continue
+            files = sorted(glob.glob(str(self._path.parent / name))) or sorted(glob.glob(name))
+            if not files:
+                self._fail(key, f"there is no file {name}")
+            found += files
+        return found
 
     def _configurations(self) -> tuple[Configuration, ...]:
         made, monitors = [], {title: self._monitor_options(title) for title in self._said.monitors}
