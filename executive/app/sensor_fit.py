@@ -100,7 +100,6 @@ def fit(looks: Sequence[Look], network: MutexNetwork) -> SensorFit:
 def _fit_error_models(looks: Sequence[Look], names: Mapping[Atom, str], assumed: ErrorModel) -> dict[str, ErrorModel]:
     """Fit an error model for each class of atoms, by the class's name in `names`. With few answers, error rates are
     shrunk towards the `assumed` ones, slope and bias towards those of all classes together."""
-    from executive.s3e.calibration import PRIOR as SHRINKAGE
     from executive.s3e.calibration import fit as fit_calibration
 
     renamed, pairs = [], {name: list[tuple[float, bool]]() for name in names.values()}
@@ -121,7 +120,7 @@ def _fit_error_models(looks: Sequence[Look], names: Mapping[Atom, str], assumed:
         # true or few false atoms was shrunk towards all of them there, and so is its base rate here.
         rarer = min(correction.true, correction.false)
         own, shared = _log_odds(correction), _log_odds(scaling.shared)
-        bias = correction.bias - (rarer * own + SHRINKAGE * shared) / (rarer + SHRINKAGE)
+        bias = correction.bias - (rarer * own + PRIOR * shared) / (rarer + PRIOR)
         error_models[name] = ErrorModel(false_alarms, misses, correction.slope, bias)
     return error_models
 

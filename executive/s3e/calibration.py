@@ -2,8 +2,9 @@
 
 A correction is two numbers: log-odds are multiplied by a slope and shifted by a bias. The slope alone is temperature
 scaling (Guo et al. 2017; the slope is 1 / temperature), both are Platt scaling (Platt 1999, whose softened targets keep
-the fit finite where few or perfectly separated examples would not). Predicates with few examples of the rarer truth
-value are shrunk towards the correction that all predicates share.
+the fit finite where few or perfectly separated examples would not). The corrections of all predicates are fitted
+together, with a normal prior around a shared one: the fewer examples tell of a predicate, the nearer is its correction
+to that of all of them.
 
 A correction has to earn its place: models that are right already get worse by one. Where it is known which looks belong
 together (those of a problem, of an episode), a predicate keeps its correction only if probabilities of looks that it
@@ -35,8 +36,8 @@ from executive.util.files import read_json
 FILE = "calibration.json"
 """The name of the file beside a model."""
 
-PRIOR = 10.0
-"""A predicate with this many examples of its rarer truth value counts as much as all predicates together."""
+STIFFNESS = 1.0
+"""The inverse variance of the predicates' slopes and biases around the shared ones."""
 
 LEAST_SLOPE = 0.01
 """The slope for uninformative or inverted answers: it leaves almost nothing of them, and keeps their order."""
@@ -172,8 +173,8 @@ def fit(
     a label do not count.
 
     Args:
-        units: what each look belongs to; with at least `FOLDS` of them, corrections are adopted only where looks of
-            other units come out better by them, and all of them only if they do so together.
+        units: what each look belongs to; with at least `LEAST_UNITS` of them, corrections are adopted only where looks
+            of other units come out better by them, and all of them only if they do so together.
 
     Raises:
         InputError: no atom has both.
@@ -204,14 +205,14 @@ def held_out(
     looks of other units.
 
     Raises:
-        ValueError: there are fewer units than `FOLDS`, or not one for each look.
+        ValueError: there are fewer units than `LEAST_UNITS`, or not one for each look.
     """
     folds = _folds(units)
     if folds is None:
-        raise ValueError(f"at least {FOLDS} units are needed to hold some out")
+        raise ValueError(f"at least {LEAST_UNITS} units are needed to hold some out")
     before, after = list[tuple[float, bool]](), list[tuple[float, bool]]()
-    for fold in range(FOLDS):
-        known = [place for place in range(len(looks)) if folds[place] != fold]
+    for fold in np.unique(folds):
+        known = np.flatnonzero(folds != fold).tolist()
         fitted = fit([looks[place] for place in known], method, units=[units[place] for place in known])
         for place in np.flatnonzero(folds == fold).tolist():
             belief, truth = looks[place]
@@ -220,22 +221,20 @@ def held_out(
     return before, after
 
 
-FOLDS = 5
-"""Parts that labelled looks are divided into for cross-validation."""
+FOLDS = 10
+"""Parts that labelled looks are divided into for cross-validation, at most: few parts leave less to learn from."""
 
+LEAST_UNITS = 5
+"""With fewer units, nothing is held out."""
 
-def _calibration(data: FloatArray, predicates: Sequence[str], method: Method, model: str) -> Calibration:
-    """Fit on (N, 3) log-odds, labels and numbers of predicates."""
-    shared = _fit(data, method)
-    own = {name: data[data[:, 2] == number] for number, name in enumerate(predicates)}
-    fitted = {name: _leaning(_fit(part, method), shared) for name, part in own.items() if len(part)}
-    return Calibration(shared, fitted, method, model)
+BINS = 15
+"""Bins of the calibration error that corrections must not raise."""
 
 
 def _folds(units: Sequence[Hashable]) -> npt.NDArray[np.int64] | None:
     """Return for each row the number of the fold that its unit is in, by a fixed seed; None for too few units."""
     different = list(dict.fromkeys(units))
-    if len(different) < FOLDS:
+    if len(different) < LEAST_UNITS:
         return None
     turn = random.Random(0).sample(range(len(different)), len(different))
     fold = {unit: place % FOLDS for unit, place in zip(different, turn, strict=True)}
@@ -243,74 +242,89 @@ def _folds(units: Sequence[Hashable]) -> npt.NDArray[np.int64] | None:
 
 
 def _earned(fitted: Calibration, data: FloatArray, folds: npt.NDArray[np.int64]) -> Calibration:
-    """Return the calibration without the corrections that make probabilities of held-out looks no better: neither the
-    logarithmic score nor the calibration error may get worse."""
+    """Return the calibration without the corrections that make probabilities of held-out looks no better: a predicate's
+    logarithmic score has to get better, and the calibration error of all together must not get worse. (That of one
+    predicate by itself is mostly chance.)"""
     names = tuple(fitted.predicates)
     held_out = np.empty(len(data))
-    for fold in range(FOLDS):
+    for fold in np.unique(folds):
         left_out = folds == fold
-        if left_out.any() and not left_out.all():
-            part = _calibration(data[~left_out], names, fitted.method, "")
-            held_out[left_out] = part.corrected(data[left_out], names)
-    label, raw = data[:, 1], _sigmoids(data[:, 0])
-    adopted = {}
-    for number, (name, scaling) in enumerate(fitted.predicates.items()):
-        own = data[:, 2] == number
-        adopted[name] = scaling if _better(held_out[own], raw[own], label[own]) else _unchanged(scaling)
-    kept = np.array([adopted[name] is fitted.predicates[name] for name in names], dtype=np.bool_)[
-        data[:, 2].astype(int)
+        part = _calibration(data[~left_out], names, fitted.method, "")
+        held_out[left_out] = part.corrected(data[left_out], names)
+    label, raw, number = data[:, 1], _sigmoids(data[:, 0]), data[:, 2].astype(int)
+    gain = _log_score(held_out, label) - _log_score(raw, label)
+    better = np.bincount(number, weights=gain, minlength=len(names)) > 0.0
+    if not _no_worse(np.where(better[number], held_out, raw), raw, label):
+        better[:] = False
+    adopted = {
+        name: scaling if better[place] else _unchanged(scaling)
+        for place, (name, scaling) in enumerate(fitted.predicates.items())
+    }
+    is_shared = float(gain.sum()) > 0.0 and _no_worse(held_out, raw, label)
+    return replace(fitted, shared=fitted.shared if is_shared else _unchanged(fitted.shared), predicates=adopted)
+
+
+def _log_score(probability: FloatArray, label: FloatArray) -> FloatArray:
+    score: FloatArray = np.log(np.where(label == 1.0, probability, 1.0 - probability))
+    return score
+
+
+def _no_worse(corrected: FloatArray, raw: FloatArray, label: FloatArray) -> bool:
+    """Return whether corrected probabilities have no higher calibration error."""
+    errors = [
+        expected_calibration_error(list(zip(each.tolist(), (label == 1.0).tolist(), strict=True)), BINS)
+        for each in (corrected, raw)
     ]
-    if not _better(np.where(kept, held_out, raw), raw, label):
-        adopted = {name: _unchanged(scaling) for name, scaling in fitted.predicates.items()}
-    shared = fitted.shared if _better(held_out, raw, label) else _unchanged(fitted.shared)
-    return replace(fitted, shared=shared, predicates=adopted)
-
-
-def _better(corrected: FloatArray, raw: FloatArray, label: FloatArray) -> bool:
-    """Whether corrected probabilities have the lower logarithmic score, and no higher calibration error."""
-
-    def score(probability: FloatArray) -> float:
-        return float(-np.log(np.where(label == 1.0, probability, 1.0 - probability)).mean())
-
-    def error(probability: FloatArray) -> float:
-        return expected_calibration_error(list(zip(probability.tolist(), (label == 1.0).tolist(), strict=True)))
-
-    return score(corrected) < score(raw) and error(corrected) <= error(raw)
+    return errors[0] <= errors[1]
 
 
 def _unchanged(scaling: Scaling) -> Scaling:
     return Scaling(1.0, 0.0, scaling.true, scaling.false)
 
 
-def _leaning(own: Scaling, shared: Scaling) -> Scaling:
-    """Between its own correction and the shared one, by how many examples its own rests on. Between two slopes in terms
-    of their logarithms, so that the order of probabilities is kept."""
-    rarer = min(own.true, own.false)
-    weight = rarer / (rarer + PRIOR)
-    slope = math.exp(weight * math.log(own.slope) + (1 - weight) * math.log(shared.slope))
-    return Scaling(slope, weight * own.bias + (1 - weight) * shared.bias, own.true, own.false)
+def _calibration(data: FloatArray, predicates: Sequence[str], method: Method, model: str) -> Calibration:
+    """Return the likeliest corrections of (N, 3) log-odds, labels and numbers of predicates: all predicates' slopes and
+    biases at once, with independent normal priors around the shared ones, and slopes that keep the order. Predicates
+    that were always true, or never, have the shared correction: there is nothing to tell their answers apart by."""
+    from scipy.optimize import minimize
+    from scipy.special import expit
 
+    odds, label, number = data[:, 0], data[:, 1], data[:, 2].astype(int)
+    true = np.bincount(number, weights=label, minlength=len(predicates)).astype(int)
+    false = np.bincount(number, minlength=len(predicates)) - true
+    counts = [(int(true.sum()), int(false.sum())), *zip(true.tolist(), false.tolist(), strict=True)]
+    target = np.where(label == 1.0, (counts[0][0] + 1) / (counts[0][0] + 2), 1 / (counts[0][1] + 2))
+    varies = (true > 0) & (false > 0)
+    group, groups = np.where(varies[number], number + 1, 0), len(counts)  # the shared correction comes first
 
-def _fit(pairs: FloatArray, method: Method) -> Scaling:
-    """The likeliest correction of (N, 2 or more) log-odds and labels."""
-    from sklearn.linear_model import LogisticRegression
+    def loss(values: FloatArray) -> tuple[float, FloatArray]:
+        slope, bias = values.reshape(2, groups)
+        logit = slope[group] * odds + bias[group]
+        wrong = expit(logit) - target
+        by_slope = np.bincount(group, weights=wrong * odds, minlength=groups)
+        by_bias = np.bincount(group, weights=wrong, minlength=groups)
+        prior = 0.0
+        for gradient, value in ((by_slope, slope), (by_bias, bias)):
+            apart = STIFFNESS * (value - value[0])
+            gradient += apart
+            gradient[0] -= apart.sum()
+            prior += float(apart @ (value - value[0])) / 2
+        if method is Method.TEMPERATURE:
+            by_bias[:] = 0.0
+        return float(np.sum(np.logaddexp(0.0, logit) - target * logit)) + prior, np.concatenate([by_slope, by_bias])
 
-    odds, label = pairs[:, 0], pairs[:, 1]
-    true = int(label.sum())
-    false = len(label) - true
-    target = np.where(label == 1.0, (true + 1) / (true + 2), 1 / (false + 2))
-    # A target of 0.9 is nine parts of an example of true and one part of an example of false.
-    regression = LogisticRegression(C=np.inf, fit_intercept=method is Method.PLATT, tol=1e-8, max_iter=1000)
-    regression.fit(
-        np.concatenate([odds, odds])[:, None],
-        np.concatenate([np.ones_like(label), np.zeros_like(label)]),
-        sample_weight=np.concatenate([target, 1 - target]),
+    found = minimize(
+        loss,
+        np.repeat([1.0, 0.0], groups),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(LEAST_SLOPE, None)] * groups + [(None, None)] * groups,
+        options={"maxiter": 1000, "ftol": 1e-12, "gtol": 1e-6},
     )
-    slope = float(regression.coef_[0, 0])
-    bias = float(regression.intercept_[0]) if method is Method.PLATT else 0.0
-    if slope < LEAST_SLOPE:
-        slope, bias = LEAST_SLOPE, _logit(float(target.mean())) if method is Method.PLATT else 0.0
-    return Scaling(slope, bias, true, false)
+    slopes, biases = found.x.reshape(2, groups).tolist()
+    own = [place + 1 if varies[place] else 0 for place in range(len(predicates))]
+    scalings = [Scaling(slopes[at], biases[at], *labels) for at, labels in zip((0, *own), counts, strict=True)]
+    return Calibration(scalings[0], dict(zip(predicates, scalings[1:], strict=True)), method, model)
 
 
 def _logit(probability: float) -> float:

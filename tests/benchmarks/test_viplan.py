@@ -6,6 +6,7 @@ import gzip
 import itertools
 import json
 import random
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ import pytest
 
 from benchmarks.viplan import __main__ as viplan
 from benchmarks.viplan import decoding, household, loop
-from benchmarks.viplan.recorded import Tasks, read_runs
+from benchmarks.viplan.recorded import Answer, Look, Run, Tasks, read_runs
 from executive.errors import InputError
+from executive.types import Atom
 
 DOMAIN = """
 (define (domain plates) (:requirements :strips :typing :conditional-effects :equality :negative-preconditions)
@@ -123,6 +125,36 @@ def test_calibration_and_memory_have_a_row_for_each_model(files: tuple[Path, Pat
     assert set(row["repeats"]) == {"at", "on", "top"}
     for way in household.WAYS:
         assert 0.0 <= row[way]["brier"] <= 1.0
+
+
+def test_what_a_model_itself_says_hides_an_atom_tells_whether_it_could_be_seen() -> None:
+    inside, near, is_open = Atom.parse("inside(cup,box)"), Atom.parse("reachable(box)"), Atom.parse("open(box)")
+    assert household.can_be_seen(inside, {})
+    assert household.can_be_seen(inside, {near: True, is_open: True})
+    assert not household.can_be_seen(inside, {near: True, is_open: False})
+    assert not household.can_be_seen(is_open, {near: False})
+    assert household.can_be_seen(near, {near: False})
+
+    def look(step: int, **answers: bool) -> Look:
+        atoms = {"inside": inside, "open": is_open}
+        return Look("all", step, None, True, {atoms[key]: Answer(yes, None, True) for key, yes in answers.items()})
+
+    counted: Counter[household.Answered] = Counter()
+    run = Run("m", "easy", "p", True, (look(0, inside=True), look(1, open=False), look(2, inside=False)))
+    segments = {atom: said for atom, _, said in household._segments(run, counted)}
+    assert segments[inside] == [(True, True), (False, False)]
+    assert counted == {(False, True, True): 1, (False, True, False): 1, (True, True, False): 1}
+    assert (
+        household._informedness({(True, True, True): 3, (True, True, False): 1, (True, False, False): 2}, True) == 0.75
+    )
+    assert household._informedness(counted, True) is None, "no answer about a false atom"
+
+
+def test_chance_leaves_more_error_where_a_question_is_asked_often() -> None:
+    probability = [0.1 + 0.8 * number / 400 for number in range(400)]
+    alone = household.by_chance(probability, list(range(400)))
+    repeated = household.by_chance(probability, [number // 20 for number in range(400)])
+    assert 0.02 < alone < repeated
 
 
 def test_it_is_one_command(

@@ -70,7 +70,7 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
     if os.path.isdir(out) and corrected == {False}:
         labelled = [(Belief(-1, probability), truth) for probability, truth in looks]
         correction = calibration.fit(labelled, model=min(models), units=units)
-        if len(set(units)) >= calibration.FOLDS:
+        if len(set(units)) >= calibration.LEAST_UNITS:
             before, after = calibration.held_out(labelled, units)
             plot_reliability(out / RELIABILITY, {"as the model says": before, "calibrated, held out": after})
         correction.save(out)

@@ -151,6 +151,9 @@ def test_the_fewer_examples_the_nearer_to_the_shared_correction() -> None:
 
     many, few = looks(100, 2, 1.0, 2.0, "held"), looks(1, 2, 1.0, 2.0, "held")
     assert distance(few) < distance(many)
+    calibrated = fit([*looks(300, 1, 0.5, -1.0, "on"), *looks(300, 2, 1.0, 2.0, "held")])
+    slopes = sorted(scaling.slope for scaling in calibrated.predicates.values())
+    assert slopes[0] < calibrated.shared.slope < slopes[1]
     always = [(Belief(0, {Atom("held"): 0.9}), Facts({Atom("held"): True}))] * 50
     assert distance(always) == 0.0  # it was never false: nothing is known of its own
 
