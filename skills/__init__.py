@@ -11,22 +11,18 @@ from executive.skills.library import (
     Way,
     approach,
     carry,
-    check_rests,
     grasp,
     grasps_of,
     in_hand,
     is_free,
     look,
-    put,
     reach,
     release,
     retreat,
     spots_for,
     surface,
-    table_under,
-    take,
-    uncover,
 )
+from executive.skills.manipulation import blockers, check_rests, move_aside, put, table_under, take, uncover
 from executive.skills.surfaces import Surface
 
 __all__ = [
@@ -37,6 +33,7 @@ __all__ = [
     "Surface",
     "Way",
     "approach",
+    "blockers",
     "carry",
     "check_rests",
     "go_home",
@@ -45,6 +42,7 @@ __all__ = [
     "in_hand",
     "is_free",
     "look",
+    "move_aside",
     "perform",
     "put",
     "reach",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from functools import update_wrapper
 from typing import Literal
 from weakref import WeakKeyDictionary
@@ -59,9 +60,11 @@ class SkillError(Exception):
     """Ends a skill early with a status and a reason; a drop also has the sense that detected it. It is raised and
     caught inside this package alone."""
 
-    def __init__(self, status: SkillStatus, reason: str, sense: Sense | None = None) -> None:
+    def __init__(
+        self, status: SkillStatus, reason: str, sense: Sense | None = None, blockers: Sequence[str] = ()
+    ) -> None:
         super().__init__(reason)
-        self.status, self.reason, self.sense = status, reason, sense
+        self.status, self.reason, self.sense, self.blockers = status, reason, sense, tuple(blockers)
 
 
 class Arm:
@@ -114,6 +117,7 @@ class Attempt:
         self._grip_width = self.body.gripper_width() if self.holding else None
         self._reported_lost = False
         self._announced: PosesEstimated | None = None
+        self._absent: frozenset[str] = frozenset()
 
     def arguments(self, *kinds: Literal["item", "table", "surface"]) -> tuple[str, ...]:
         """Returns the arguments of the step, each of the kind that is named for it: an item, a table, or a surface,
@@ -181,7 +185,16 @@ class Attempt:
         """The poses (7,) of all that is in the way."""
         poses: dict[str, FloatArray] = self.body.obstacles()
         self._announce_poses()
-        return poses
+        return {name: pose for name, pose in poses.items() if name not in self._absent}
+
+    @contextmanager
+    def without(self, items: Collection[str]) -> Iterator[None]:
+        """Has some items count as absent meanwhile, to find out what is in the way."""
+        self._absent, before = self._absent | frozenset(items), self._absent
+        try:
+            yield
+        finally:
+            self._absent = before
 
     def held(self) -> Held | None:
         """The item in the gripper with its present pose in it; None for an empty gripper."""
@@ -297,9 +310,11 @@ class Attempt:
         if failure is not None:
             raise failure
 
-    def result(self, status: SkillStatus, reason: str = "", sense: Sense | None = None) -> SkillResult:
+    def result(
+        self, status: SkillStatus, reason: str = "", sense: Sense | None = None, blockers: tuple[str, ...] = ()
+    ) -> SkillResult:
         seconds = self.body.time - self._began
-        return SkillResult(self.step, status, reason, seconds, seconds + self._ahead, sense, self.holding)
+        return SkillResult(self.step, status, reason, seconds, seconds + self._ahead, sense, self.holding, blockers)
 
     def check_cancelled(self) -> None:
         """Ends the skill at rest when the run is cancelled.
@@ -371,7 +386,7 @@ def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) 
                     go_home(attempt)
                 except SkillError as second:
                     reason = f"{reason}; then, on the way home: {second.reason}"
-        return attempt.result(failure.status, reason, failure.sense)
+        return attempt.result(failure.status, reason, failure.sense, failure.blockers)
     return attempt.result(SkillStatus.DONE)
 
 

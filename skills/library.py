@@ -15,10 +15,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executive.skills import grasps, surfaces, transforms
-from executive.skills.arm import CARRYING, Attempt, SkillError, go_home, withdraw
+from executive.skills.arm import CARRYING, Attempt, SkillError
 from executive.skills.collision import Held
 from executive.skills.surfaces import Surface
-from executive.types import FloatArray, Sense, SkillStatus
+from executive.types import FloatArray, SkillStatus
 
 APPROACH = np.linspace(0.09, 0.0, 7)
 """Distances in m from a grasp through which the hand comes to it in a straight line."""
@@ -40,12 +40,6 @@ _DEVIATIONS = 2.0
 
 _AGAIN = 1.0
 """The extra cost of a grasp per failure, in rad of the path to it."""
-
-_LOOKS_AGAIN = 2
-"""How often an item whose pose is estimated is looked for again when the fingers closed on nothing."""
-
-_STAYS = frozenset({SkillStatus.UNREACHABLE, SkillStatus.NO_PATH, SkillStatus.NOT_THERE})
-"""How an item is left where it is, with an empty hand."""
 
 _CAREFULLY = 0.3
 """The share of the speed limits that is used while something rests on what is carried."""
@@ -137,8 +131,11 @@ def reach(
     return None
 
 
-def grasps_of(attempt: Attempt, item: str, pose: FloatArray, source: Surface) -> list[Way]:
-    """Returns ways to take an item at `pose` (4, 4) from a surface and lift it, cheapest first.
+def grasps_of(
+    attempt: Attempt, item: str, pose: FloatArray, source: Surface, most: int = 2 * _MOST_GRASPS
+) -> list[Way]:
+    """Returns ways to take an item at `pose` (4, 4) from a surface and lift it, cheapest first: of the first `most`
+    that are found, the best.
 
     Raises:
         SkillError: UNREACHABLE where there are none.
@@ -153,7 +150,7 @@ def grasps_of(attempt: Attempt, item: str, pose: FloatArray, source: Surface) ->
     riders = attempt.riders(item)
     found: list[Way] = []
     for preference, grasp in enumerate(candidates):
-        if len(found) >= 2 * _MOST_GRASPS:
+        if len(found) >= most:
             break
         held = Held(item, *_in_frame(grasp, there, riders))
 
@@ -172,8 +169,9 @@ def grasps_of(attempt: Attempt, item: str, pose: FloatArray, source: Surface) ->
     return sorted(found, key=lambda way: way.cost)[:_MOST_GRASPS]
 
 
-def spots_for(attempt: Attempt, held: Held, target: Surface) -> list[Way]:
-    """Returns ways to lower the held item onto a free spot of a surface and to withdraw the hand, cheapest first.
+def spots_for(attempt: Attempt, held: Held, target: Surface, most: int = _MOST_SPOTS) -> list[Way]:
+    """Returns ways to lower the held item onto a free spot of a surface and to withdraw the hand, cheapest first: of
+    the first `most` that are found, the best.
 
     Raises:
         SkillError: DOES_NOT_FIT where it is larger than the table as it is held, UNREACHABLE where there are none.
@@ -188,16 +186,20 @@ def spots_for(attempt: Attempt, held: Held, target: Surface) -> list[Way]:
         # The lowest points are left out: there the item is about to touch the surface.
         return is_free(attempt, way.into[:-2], held) and is_free(attempt, [*way.into, *way.out], ignored=held.carried)
 
+    def at(spot: FloatArray, yaw: float) -> Way | None:
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_euler("z", yaw).as_matrix() @ upright
+        pose[:3, 3] = spot - pose[:3, :3] @ shape.centre
+        hand = pose @ transforms.inverse(held.in_hand)
+        return reach(attempt, hand, _up(LOWER), RETREAT[:, None] * -hand[:3, 2], free)
+
     found: list[Way] = []
-    for spot, yaws in surfaces.spots(upright, shape, target, others, attempt.handle.shapes, attempt.context.rng):
-        for yaw in yaws:
-            pose = np.eye(4)
-            pose[:3, :3] = Rotation.from_euler("z", float(yaw)).as_matrix() @ upright
-            pose[:3, 3] = spot - pose[:3, :3] @ shape.centre
-            hand = pose @ transforms.inverse(held.in_hand)
-            if (way := reach(attempt, hand, _up(LOWER), RETREAT[:, None] * -hand[:3, 2], free)) is not None:
-                found.append(way)
-        if len(found) >= _MOST_SPOTS or (found and target.is_item):
+    for search in (surfaces.spots,) if target.is_item else (surfaces.spots, surfaces.tight_spots):
+        for spot, yaws in search(upright, shape, target, others, attempt.handle.shapes, attempt.context.rng):
+            found += [way for yaw in yaws if (way := at(spot, float(yaw))) is not None]
+            if len(found) >= most or (found and target.is_item):
+                break
+        if found:
             break
     if not found:
         raise SkillError(SkillStatus.UNREACHABLE, f"no free spot on {target.name} is within reach")
@@ -269,107 +271,6 @@ def retreat(attempt: Attempt, way: Way) -> None:
         SkillError: whatever ends the motion.
     """
     attempt.move("retreat", way.out, speed=0.6)
-
-
-def take(attempt: Attempt, item: str, source: str, home: bool = False) -> None:
-    """Takes an item from a table, or from the top of another item, and lifts it; with `home`, carries it to the home
-    pose. What rests on it is put down beside it before. Where poses are estimated, a grasp that misses looks again.
-
-    Raises:
-        SkillError: NOT_THERE when it is not there, UNREACHABLE when no grasp has a free and reachable configuration,
-            NO_PATH when there is no motion to one, GRASP_MISSED when the fingers close on nothing, DROPPED when it
-            slips out, TIMED_OUT when the arm is blocked.
-    """
-    for _ in range(_LOOKS_AGAIN):
-        try:
-            return _take(attempt, item, source, home)
-        except SkillError as failure:
-            if failure.status is not SkillStatus.GRASP_MISSED or attempt.body.estimated_poses() is None:
-                raise
-    _take(attempt, item, source, home)
-
-
-def _take(attempt: Attempt, item: str, source: str, home: bool) -> None:
-    attempt.phase("plan", f"grasps of {item}")
-    pose, below = look(attempt, item), surface(attempt, source)
-    if not below.holds(pose, attempt.handle.shapes[item]):
-        raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {source}")
-    if attempt.riders(item) and uncover(attempt, item):
-        pose = look(attempt, item)
-    way = approach(attempt, grasps_of(attempt, item, pose, below), item)
-    try:
-        grasp(attempt, way)
-        if home:
-            go_home(attempt)
-        attempt.check_held()
-    except SkillError as failure:
-        if failure.status is SkillStatus.GRASP_MISSED or failure.sense is Sense.FELT:
-            attempt.arm.failed_grasps.add(item, pose, way.hand)
-        raise
-    attempt.arm.failed_grasps.forget(item)
-
-
-def uncover(attempt: Attempt, item: str) -> bool:
-    """Puts what rests on an item down beside it, on the table below; returns whether nothing is left on it. What cannot
-    be taken, or finds no room, stays.
-
-    Raises:
-        SkillError: something that was taken could not be put down, or slipped out of the hand.
-    """
-    for rider in attempt.riders(item):
-        if rider not in attempt.riders(item):
-            continue  # it was put down with what it rested on
-        if (table := table_under(attempt, rider)) is None:
-            return False
-        try:
-            take(attempt, rider, item)
-        except SkillError as failure:
-            if failure.status not in _STAYS:
-                raise
-            return False
-        put(attempt, rider, table)
-        check_rests(attempt, rider, table)
-    return True
-
-
-def table_under(attempt: Attempt, item: str) -> str | None:
-    """Returns the name of the table that an item is over, if only by lying on other things; None where there is none.
-
-    Raises:
-        SkillError: NOT_THERE where the item is seen nowhere.
-    """
-    pose, shape = look(attempt, item), attempt.handle.shapes[item]
-    for name, table in attempt.handle.tables.items():
-        if Surface.of_table(table).holds(pose, shape, slack=0.0):
-            return name
-    return None
-
-
-def put(attempt: Attempt, item: str, target: str) -> None:
-    """Puts the held item down on a free spot of a table, or on the middle of another item, and withdraws the hand.
-
-    Raises:
-        SkillError: NOT_THERE when the hand does not hold it, DOES_NOT_FIT when it is larger than the table as it is
-            held, UNREACHABLE when no free spot is within reach, NO_PATH when none can be got to, DROPPED when the item
-            slips out on the way, TIMED_OUT when the arm is held up.
-    """
-    held = in_hand(attempt, item)
-    withdraw(attempt, held)  # where it was gripped and not yet lifted
-    attempt.phase("plan", f"a spot on {target}")
-    way = carry(attempt, held, spots_for(attempt, held, surface(attempt, target)), target)
-    release(attempt)
-    retreat(attempt, way)
-
-
-def check_rests(attempt: Attempt, item: str, target: str) -> None:
-    """Looks whether an item that was put down rests where it was put. What is not seen is not in question.
-
-    Raises:
-        SkillError: FELL where it does not.
-    """
-    pose = attempt.obstacles().get(item)
-    if pose is not None and not surface(attempt, target).holds(transforms.matrix(pose), attempt.handle.shapes[item]):
-        raise SkillError(SkillStatus.FELL, f"{item} did not stay on {target}")
 
 
 def _in_frame(

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from executive.protocols import SkillContext
-from executive.skills import library
+from executive.skills import manipulation
 from executive.skills.arm import ArmSkill, Attempt, SkillError, perform
 from executive.types import SkillResult, SkillStatus, Step
 
 
 @ArmSkill
 def pick(step: Step, context: SkillContext) -> SkillResult:
-    """Grasps `item` from above and lifts it; with a home pose, carries it there. What rests on it is put down beside it
-    before.
+    """Grasps `item` from above and lifts it; with a home pose, carries it there. What rests on it or is in the way is
+    put down beside it before.
 
-    It reports NOT_THERE when the item is not where the step says, UNREACHABLE when no grasp has a free and reachable
-    configuration, NO_PATH when there is no motion to one, GRASP_MISSED when the fingers close on nothing, DROPPED when
-    the item slips out, TIMED_OUT when the arm is blocked.
+    It reports NOT_THERE when the item is not where the step says, BLOCKED when other items are in the way and stay
+    there, UNREACHABLE when no grasp has a free and reachable configuration, NO_PATH when there is no motion to one,
+    GRASP_MISSED when the fingers close on nothing, DROPPED when the item slips out, TIMED_OUT when the arm is blocked.
     """
     return perform(step, context, _pick)
 
@@ -25,4 +25,4 @@ def _pick(attempt: Attempt) -> None:
     if attempt.holding:
         raise SkillError(SkillStatus.GRASP_MISSED, "the gripper holds something already")
     attempt.open_gripper()
-    library.take(attempt, item, source, home=attempt.handle.home_pose)
+    manipulation.take(attempt, item, source, home=attempt.handle.home_pose)

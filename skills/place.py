@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from executive.protocols import SkillContext
-from executive.skills import library
+from executive.skills import manipulation
 from executive.skills.arm import ArmSkill, Attempt, go_home, perform
 from executive.types import SkillResult, Step
 
@@ -14,15 +14,16 @@ def place(step: Step, context: SkillContext) -> SkillResult:
     afterwards. At the end it looks whether the item rests there.
 
     It reports NOT_THERE when the hand does not hold the item, DOES_NOT_FIT when it is larger than the table as it is
-    held, UNREACHABLE when no free spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips
-    out on the way, FELL when it did not stay where it was put, TIMED_OUT when the arm is held up.
+    held, BLOCKED when other items leave no room, UNREACHABLE when no free spot is within reach, NO_PATH when none can
+    be got to, DROPPED when the item slips out on the way, FELL when it did not stay where it was put, TIMED_OUT when
+    the arm is held up.
     """
     return perform(step, context, _place)
 
 
 def _place(attempt: Attempt) -> None:
     item, target = attempt.arguments("item", "surface")
-    library.put(attempt, item, target)
+    manipulation.put(attempt, item, target)
     if attempt.handle.home_pose:
         go_home(attempt)
-    library.check_rests(attempt, item, target)
+    manipulation.check_rests(attempt, item, target)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from executive.sim import footprint
 from executive.sim.scene import ItemShape
 from executive.sim.spec import TableSpec
 from executive.skills import transforms
@@ -23,6 +24,9 @@ _ABOVE = 0.003
 
 _LEVEL = 0.02
 """The largest height in m between the top of an item and the lowest point of what rests on it."""
+
+_TIGHT_TRIES = 300
+"""How many places between other items are looked at."""
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -115,6 +119,58 @@ def _turned(rotation: FloatArray, shape: ItemShape, surface: Surface) -> list[tu
         if (free >= -1e-9).all():
             found.append((float(yaw), np.maximum(free, 0.0)))
     return found
+
+
+def tight_spots(
+    rotation: FloatArray,
+    shape: ItemShape,
+    table: Surface,
+    others: Mapping[str, FloatArray],
+    shapes: Mapping[str, ItemShape],
+    rng: np.random.Generator,
+    count: int = 24,
+) -> list[tuple[FloatArray, FloatArray]]:
+    """What `spots` returns for a table, by the outlines of items where that takes them for circles: free places between
+    them, each in one turn."""
+    turned = _turned(rotation, shape, table)
+    there = [
+        _outline(transforms.matrix(pose), shapes[name])
+        for name, pose in others.items()
+        if _is_above(pose, shapes[name], table)
+    ]
+    across = np.array([[np.cos(table.yaw), -np.sin(table.yaw)], [np.sin(table.yaw), np.cos(table.yaw)]])
+    found: list[tuple[float, FloatArray, FloatArray]] = []
+    for number, share in enumerate(rng.uniform(-1.0, 1.0, (_TIGHT_TRIES if turned else 0, 2))):
+        yaw, free = turned[number % len(turned)]
+        point = table.centre[:2] + across @ (share * free)
+        item = np.eye(4)
+        item[:3, :3] = _turn(yaw) @ rotation
+        item[:2, 3] = point - (item[:3, :3] @ shape.centre)[:2]
+        here = _outline(item, shape)
+        room = min((here.apart(other) for other in there), default=1.0)
+        if room > 0.0:
+            height = table.centre[2] + shape.reach(rotation.T @ _UP) + _ABOVE
+            found.append((room, np.array([*point, height]), np.array([yaw])))
+    found.sort(key=lambda entry: -entry[0])
+    return [(place, yaws) for _, place, yaws in found[:count]]
+
+
+def _outline(item: FloatArray, shape: ItemShape) -> footprint.Placed:
+    """What an item at `item` (4, 4) covers from above: a disc where it stands on a round foot, else a rectangle around
+    it, along its longest side."""
+    rotation, centre = item[:3, :3], (item[:3, 3] + item[:3, :3] @ shape.centre)[:2]
+    longest = int(np.argmax(np.linalg.norm(rotation[:2], axis=0) * shape.half))
+    turn = float(np.arctan2(rotation[1, longest], rotation[0, longest]))
+    along = np.array([np.cos(turn), np.sin(turn), 0.0])
+    x, y = (shape.reach(rotation.T @ direction) for direction in (along, np.cross(_UP, along)))
+    is_round = shape.axis is not None and abs(float(rotation[2, shape.axis])) > 0.99
+    return footprint.Placed(footprint.Outline(x, y, is_round), centre, turn)
+
+
+def _is_above(pose: FloatArray, shape: ItemShape, table: Surface) -> bool:
+    """Whether an item at `pose` (7,) is so high that it can be in the way on a table."""
+    corners = transforms.box_corners(transforms.matrix(pose), shape.centre, shape.half)
+    return bool(corners[:, 2].max() > table.centre[2] - _LEVEL)
 
 
 def _turn(yaw: float) -> FloatArray:

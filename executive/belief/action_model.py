@@ -42,6 +42,7 @@ DEFAULTS: Mapping[SkillStatus, Chances] = MappingProxyType(
         SkillStatus.FELL: Chances(0.03, 0.02, 0.95),
         SkillStatus.NO_PATH: Chances(0.01, 0.97, 0.02),
         SkillStatus.UNREACHABLE: Chances(0.01, 0.97, 0.02),
+        SkillStatus.BLOCKED: Chances(0.01, 0.97, 0.02),
         SkillStatus.DOES_NOT_FIT: Chances(0.01, 0.97, 0.02),
         SkillStatus.NOT_THERE: Chances(0.01, 0.19, 0.80),  # it is somewhere else than was believed
         SkillStatus.NOT_APPLICABLE: Chances(0.01, 0.97, 0.02),

@@ -269,11 +269,15 @@ class Executive:
         return self._take_up(found.plan, self.run_state.goal)
 
     def _go_around(self, cause: Decision) -> Decision:
-        """Leave out a step that fails again and again, where there is a plan for the goal without it."""
+        """Leave out a step that fails again and again, where there is a plan for the goal without it, or move away what
+        is in its way."""
         goal = self.run_state.goal
         plan = self.queries.probe(self.run_state, goal)
         if isinstance(plan, NoPlan):
-            return self._give_up(cause, is_stuck=True)
+            if (found := self.queries.clearing(self.run_state, self.run_state.state)) is None:
+                return self._give_up(cause, is_stuck=True)
+            self._decide(policy.clears(cause, found))
+            return self._take_up(found.plan, goal)
         self._decide(policy.goes_around(cause))
         return self._take_up(plan, goal)
 

@@ -10,7 +10,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from executive.belief import Monitor
-from executive.core.policy import OptimisticPlan, largest_reachable
+from executive.core.compare import progress
+from executive.core.policy import ClearingPlan, OptimisticPlan, largest_reachable
 from executive.core.run_state import RunState, StuckSteps
 from executive.core.session import Session
 from executive.protocols import Planner
@@ -39,7 +40,31 @@ class PlannerQueries:
         if isinstance(answer, NoPlan) and answer.without:
             self._emit(probed(goal, answer))
             answer = self._plan(run_state, goal, state, StuckSteps.IF_CHANGED)
+        if isinstance(answer, NoPlan) and (found := self.clearing(run_state, state)) is not None:
+            self._emit(probed(goal, answer))
+            return found.plan
         return answer
+
+    def clearing(self, run_state: RunState, state: Facts) -> ClearingPlan | None:
+        """A plan for the goal that first moves away what is in the way of a step, and has this step afterwards."""
+        goal = run_state.goal
+        for atom in dict.fromkeys(atom for stuck in run_state.stuck.values() for atom in stuck.in_the_way):
+            away = Condition.literal(atom, False)
+            if not state.get(atom) or run_state.holds(goal, state):
+                continue
+            first = self._plan(run_state, away, state, StuckSteps.NEVER)
+            self._emit(probed(away, first))
+            if isinstance(first, NoPlan):
+                continue
+            then = state
+            for step in first.steps:
+                then = progress(then, step, run_state.task.derived)
+            rest = self._plan(run_state, goal, then, StuckSteps.IF_CHANGED)
+            self._emit(probed(goal, rest))
+            if isinstance(rest, Plan):
+                steps, seconds = (*first.steps, *rest.steps), first.seconds + rest.seconds
+                return ClearingPlan(atom, Plan(steps, first.cost + rest.cost, rest.planner, seconds))
+        return None
 
     def probe(self, run_state: RunState, goal: Condition, allowed: StuckSteps = StuckSteps.NEVER) -> Plan | NoPlan:
         """Return whether `goal` can be reached from what is believed."""

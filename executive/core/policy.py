@@ -109,6 +109,13 @@ class OptimisticPlan(NamedTuple):
         return tuple(sorted(self.plan.steps[0].precondition.facts.true))
 
 
+class ClearingPlan(NamedTuple):
+    """A plan for the goal that first makes an atom false which kept one of its steps from being done."""
+
+    moved: Atom
+    plan: Plan
+
+
 def first(atoms: Collection[Atom], known: Facts, looks: int, settings: Settings) -> Decision:
     """After a look that opens the run: is there something to plan from?"""
     unknown = tuple(atom for atom in atoms if atom not in known)
@@ -214,6 +221,12 @@ def goes_around(cause: Decision) -> Decision:
     """`cause` calls for giving up goals, as a step fails again and again, and there is a plan for all of them without
     that step."""
     return Decision(DecisionKind.REPLAN, (*cause.causes, Cause(Reason.PLAN_WITHOUT_STEP)), cause.evidence)
+
+
+def clears(cause: Decision, found: ClearingPlan) -> Decision:
+    """`cause` calls for giving up goals, as something is in the way of a step, and there is a plan for all of them that
+    moves it away before."""
+    return Decision(DecisionKind.REPLAN, (*cause.causes, Cause(Reason.PLAN_CLEARS, (found.moved,))), cause.evidence)
 
 
 def given_up(cause: Decision, goal: Condition, kept: Condition, is_stuck: bool) -> Decision:

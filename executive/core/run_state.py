@@ -50,12 +50,27 @@ class StuckSteps(Enum):
 
 
 class Stuck(NamedTuple):
-    """A step that was given up on: the relevant facts then, after how many actions of the run that was, and how often
-    by now."""
+    """A step that was given up on: the relevant facts then, after how many actions of the run that was, how often by
+    now, and the objects that were in its way, where they are known."""
 
     facts: Facts
     actions: int
     times: int
+    blockers: tuple[str, ...] = ()
+
+    @property
+    def for_good(self) -> bool:
+        """Whether it was given up on so often that it is in no plan any more."""
+        return self.times > (_MOST_BLOCKED if self.blockers else 1)
+
+    @property
+    def in_the_way(self) -> tuple[Atom, ...]:
+        """The facts that kept the step from being done: those that are about the objects in its way."""
+        return tuple(sorted(atom for atom in self.facts.true if not set(self.blockers).isdisjoint(atom.args)))
+
+
+_MOST_BLOCKED = 4
+"""How often a step may be blocked, each time after something was moved out of its way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +168,7 @@ class RunState:
             if (stuck := self.stuck.get(step)) is not None:
                 changed = allowed is not StuckSteps.NEVER and not state.entails(stuck.facts)
                 later = allowed is StuckSteps.LAST_RESORT and self.actions > stuck.actions
-                if stuck.times > 1 or not (changed or later):
+                if stuck.for_good or not (changed or later):
                     found.add(step)
             state = progress(state, step, self.task.derived)
         return frozenset(found)
@@ -335,7 +350,8 @@ class RunState:
     def judged(self, turn: StepOutcome, decision: Decision) -> RunState:
         """The dispatched step came out as `turn` says, and `decision` was taken on it."""
         if turn.rest is None:
-            return replace(self.failed(turn.step, self.moment.before, decision), attempt=self.attempt + 1)
+            failed = self.failed(turn.step, self.moment.before, decision, turn.result.blockers)
+            return replace(failed, attempt=self.attempt + 1)
         run_state = self.worked(turn.step) if turn.result.done and not turn.verdict.violated else self
         return replace(run_state, todo=tuple(self.todo[1:][position] for position in turn.rest), attempt=1)
 
@@ -345,14 +361,14 @@ class RunState:
         stuck = {other: why for other, why in self.stuck.items() if other != step}
         return replace(self, failures=MappingProxyType(failures), stuck=MappingProxyType(stuck))
 
-    def failed(self, step: Step, known: Facts, decision: Decision) -> RunState:
-        """The step failed when `known` was known."""
+    def failed(self, step: Step, known: Facts, decision: Decision, blockers: tuple[str, ...] = ()) -> RunState:
+        """The step failed when `known` was known, with these objects in its way."""
         facts = relevant_facts(step, known)
         counts = {**self.failures.get(step, {}), facts: self.failing(step, known).here}
         failures, stuck = {**self.failures, step: MappingProxyType(counts)}, dict(self.stuck)
         if decision.kind is DecisionKind.GIVE_UP_GOAL:
             times = stuck[step].times + 1 if step in stuck else 1
-            stuck[step] = Stuck(facts, self.actions, times)
+            stuck[step] = Stuck(facts, self.actions, times, blockers)
         return replace(self, failures=MappingProxyType(failures), stuck=MappingProxyType(stuck))
 
     # What it amounts to.

@@ -56,9 +56,9 @@ class Settings:
                 raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
 
     def max_failures_with_same_facts(self, status: SkillStatus) -> int:
-        """Return how many failures of one step with the same relevant facts are too many; one, where an object is
-        larger than what it is to be put on."""
-        if status is SkillStatus.DOES_NOT_FIT:
+        """Return how many failures of one step with the same relevant facts are too many; one, where it is known that
+        another try fails: an object is larger than what it is to be put on, or other objects are in the way."""
+        if status in (SkillStatus.DOES_NOT_FIT, SkillStatus.BLOCKED):
             return 1
         return self.max_failures if status in _CHANCE else min(self.max_failures, self.max_retries + 2)
 

@@ -14,6 +14,7 @@ class SkillStatus(StrEnum):
     DONE = "done"
     NO_PATH = "no path"
     UNREACHABLE = "unreachable"
+    BLOCKED = "blocked"  # it could be done but for other objects, which are known
     DOES_NOT_FIT = "does not fit"  # the object is larger than the place
     NOT_THERE = "not there"  # the object is not where the step says; it is not fetched from elsewhere
     NOT_APPLICABLE = "not applicable"  # the action's precondition does not hold, so that nothing was done
@@ -36,7 +37,8 @@ class Sense(StrEnum):
 class SkillResult:
     """A skill's report. `seconds` is the world's time that it took, `planned_seconds` the time of all that it planned
     (larger than `seconds` if it ended early). `sense` is how a skill that ended because of a drop noticed it. `holding`
-    is whether the gripper senses an object at the end (None: it has no such sensor, or was not asked)."""
+    is whether the gripper senses an object at the end (None: it has no such sensor, or was not asked). `blockers` are
+    the objects in the way of a step that is BLOCKED: with any one of them elsewhere it may work."""
 
     step: Step
     status: SkillStatus
@@ -45,6 +47,7 @@ class SkillResult:
     planned_seconds: float = 0.0
     sense: Sense | None = None
     holding: bool | None = None
+    blockers: tuple[str, ...] = ()
 
     @property
     def done(self) -> bool:

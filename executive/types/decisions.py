@@ -73,6 +73,7 @@ class Reason(StrEnum):
     UNCERTAIN = "uncertain"  # atoms
     OPTIMISTIC_PLAN = "optimistic-plan"  # atoms: what is assumed to be true
     PLAN_WITHOUT_STEP = "plan-without-step"
+    PLAN_CLEARS = "plan-clears"  # atoms: what is changed first
     WHOLE_GOAL_REACHABLE = "whole-goal-reachable"
     NOTHING_REACHABLE = "nothing-reachable"
     GOAL_GIVEN_UP = "goal-given-up"  # literals

@@ -127,3 +127,48 @@ def test_truth_agrees_that_a_tower_stands_on_its_table(tmp_path: Path) -> None:
     assert robot.pick("block-b", "black-table").done
     assert robot.place("block-b", "block-a").done
     assert robot.truth.of([Atom.parse("on-table(block-b,black-table)")]).true
+
+
+def beside(item: str, other: str, gap: float, seed: int = 20) -> Robot:
+    """One item so near another, along y, that no finger fits between them, on the black table."""
+    robot = Robot(grocery(seed, (item, other), placed=dict.fromkeys((item, other), "black-table")))
+    world, y = robot.world, 0.0
+    height = world.spec.tables[1].centre[2]
+    for name in (item, other):
+        shape = world.shapes[name]
+        middle = np.array([0.44, y, height + 0.001 + shape.half[2]])
+        world.put(name, np.concatenate([middle - shape.centre, [1.0, 0.0, 0.0, 0.0]]))
+        y += gap + world.shapes[item].half[1] + world.shapes[other].half[1]
+    world.data.qvel[:] = 0.0
+    world.settle(0.3)
+    return robot
+
+
+def test_what_is_in_the_way_of_the_fingers_is_moved_aside() -> None:
+    robot = beside(LEMON, "milk-carton", 0.003)
+    before = robot.world.pose("milk-carton")
+    result = robot.pick(LEMON, "black-table")
+    assert result.done, result.reason
+    assert robot.so(f"robot-gripping({LEMON})")
+    assert robot.so("on-table(milk-carton,black-table)")
+    assert np.linalg.norm(robot.world.pose("milk-carton")[:2] - before[:2]) > 0.04
+
+
+def test_where_others_leave_no_room_it_is_told_which(tmp_path: Path) -> None:
+    """A tray of 11 x 11 cm in reach, with a lemon in the middle: the cereal box fits there once that is gone."""
+    tray = '[[table]]\nname = "tray"\ncentre = [0.40, 0.0, 0.83]\nsize = [0.11, 0.11, 0.03]\n'
+    file = tmp_path / "scene.toml"
+    file.write_text(f"{SCENE.read_text(encoding='utf-8')}\n{tray}", encoding="utf-8")
+    objects = {"cereal-box": "item", LEMON: "item", "tray": "table", **dict.fromkeys(TABLES, "table")}
+    robot = Robot(MujocoWorld(file, objects, placed={LEMON: "wood-table"}, held="cereal-box"))
+    middle = np.array([0.40, 0.0, 0.832 + robot.world.shapes[LEMON].half[2]])
+    robot.world.put(LEMON, np.concatenate([middle - robot.world.shapes[LEMON].centre, [1.0, 0.0, 0.0, 0.0]]))
+    robot.world.settle(0.3)
+    result = robot.place("cereal-box", "tray")
+    assert (result.status, result.blockers, result.holding) == (SkillStatus.BLOCKED, (LEMON,), True), result.reason
+    assert robot.place("cereal-box", "white-table").done
+    assert robot.pick(LEMON, "tray").done
+    assert robot.place(LEMON, "wood-table").done
+    assert robot.pick("cereal-box", "white-table").done
+    result = robot.place("cereal-box", "tray")
+    assert result.done, result.reason

@@ -125,6 +125,7 @@ REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.UNCERTAIN: lambda cause: f"{_atoms(cause)} could be surer",
     Reason.OPTIMISTIC_PLAN: lambda cause: f"before any of it is given up, it is tried as if {_atoms(cause)} were so",
     Reason.PLAN_WITHOUT_STEP: lambda _: "there is a plan that does without it",
+    Reason.PLAN_CLEARS: lambda cause: f"there is a plan that first ends what is in the way: {_atoms(cause)}",
     Reason.WHOLE_GOAL_REACHABLE: lambda _: "yet there is a plan for the whole goal",
     Reason.NOTHING_REACHABLE: lambda _: "there is no other part of the goal to go for",
     Reason.GOAL_GIVEN_UP: lambda cause: f"giving up {_literals(cause)}",

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 import pytest
 
 from executive.belief import ThresholdMonitor
+from executive.core.compare import reaches, relevant_facts
 from executive.core.planner_queries import PlannerQueries
 from executive.core.run_state import RunState, Stuck, StuckSteps
 from executive.core.session import Session
 from executive.types import ALWAYS, Condition, Facts, NoPlan, NoPlanReason, Plan, Probed, Step
-from tests.fakes import FREE, FakePlanner, FakeWorld, Recorder, at, pick, put, steps_of, task
+from tests.fakes import FREE, FakePlanner, FakeWorld, Recorder, at, held, pick, put, steps_of, task
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
 TASK = task(["a", "b"], ["p", "q", "r"], GOAL)
@@ -49,6 +50,26 @@ def test_a_plan_goes_around_a_step_that_is_stuck() -> None:
     assert asking.planner.avoided == [frozenset(), frozenset({pick("a", "p")})]
     assert [each.plan is None for each in asking.probed] == [False, True], "what is not carried out is told"
     assert answer.without == ("pick(a,p)",)
+
+
+def test_what_is_in_the_way_of_a_step_is_moved_away_first() -> None:
+    """b stands at q, where a is to go, and there is no other way to bring a there."""
+    blocked = Facts.closed({held("a"), at("b", "q")}, TASK.atoms)
+    stuck = Stuck(relevant_facts(put("a", "q"), blocked), actions=2, times=1, blockers=("b",))
+    asking = Asking({put("a", "q"): stuck})
+    answer = asking.queries.plan(asking.run_state, blocked)
+    assert isinstance(answer, Plan)
+    assert reaches(answer.steps, blocked, Condition.of(GOAL))
+    assert answer.steps.index(pick("b", "q")) < answer.steps.index(put("a", "q"))
+    found = asking.queries.clearing(asking.run_state, blocked)
+    assert found is not None
+    assert found.moved == at("b", "q")
+    # A step that was blocked again and again, each time by something else, is given up on.
+    hopeless = Asking({put("a", "q"): stuck._replace(times=9)})
+    assert isinstance(hopeless.queries.plan(hopeless.run_state, blocked), NoPlan)
+    # Nor is there a plan where nobody knows what is in the way.
+    unknown = Asking({put("a", "q"): stuck._replace(blockers=(), times=1)})
+    assert isinstance(unknown.queries.plan(unknown.run_state, blocked), NoPlan)
 
 
 def test_a_planner_that_does_not_avoid_what_it_should_has_no_plan() -> None:

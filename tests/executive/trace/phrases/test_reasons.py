@@ -56,6 +56,7 @@ PARAMETERS: dict[Reason, str] = {
     Reason.PLANNER_CRASHED: "steps detail count",
     Reason.UNCERTAIN: "atoms",
     Reason.OPTIMISTIC_PLAN: "atoms",
+    Reason.PLAN_CLEARS: "atoms",
     Reason.GOAL_GIVEN_UP: "literals",
     Reason.GOAL_KEPT: "literals",
     Reason.GOAL_UNCERTAIN: "atoms",

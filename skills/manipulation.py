@@ -1,0 +1,235 @@
+"""Taking items and putting them down, made of the parts in `library`: on tables and on the tops of items, and around what
+is in the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+
+from executive.skills import transforms
+from executive.skills.arm import Attempt, SkillError, go_home, withdraw
+from executive.skills.collision import Held
+from executive.skills.library import (
+    Way,
+    approach,
+    carry,
+    grasp,
+    grasps_of,
+    in_hand,
+    look,
+    release,
+    retreat,
+    spots_for,
+    surface,
+)
+from executive.skills.surfaces import Surface
+from executive.types import Sense, SkillStatus
+
+_LOOKS_AGAIN = 2
+"""How often an item whose pose is estimated is looked for again when the fingers closed on nothing."""
+
+_BESIDE = 0.12
+"""m between two items within which one can be in the way of the hand that takes the other."""
+
+_STAYS = frozenset({SkillStatus.UNREACHABLE, SkillStatus.NO_PATH, SkillStatus.NOT_THERE, SkillStatus.BLOCKED})
+"""How an item is left where it is, with an empty hand."""
+
+
+def take(attempt: Attempt, item: str, source: str, home: bool = False) -> None:
+    """Takes an item from a table, or from the top of another item, and lifts it; with `home`, carries it to the home
+    pose. What rests on it or is in the way is put down beside it before. Where poses are estimated, a grasp that misses
+    looks again.
+
+    Raises:
+        SkillError: NOT_THERE when it is not there, BLOCKED when other items are in the way and cannot be moved,
+            UNREACHABLE when no grasp has a free and reachable configuration without them either, NO_PATH when there is
+            no motion to one, GRASP_MISSED when the fingers close on nothing, DROPPED when it slips out, TIMED_OUT when
+            the arm is blocked.
+    """
+    for _ in range(_LOOKS_AGAIN):
+        try:
+            return _take(attempt, item, source, home)
+        except SkillError as failure:
+            if failure.status is not SkillStatus.GRASP_MISSED or attempt.body.estimated_poses() is None:
+                raise
+    _take(attempt, item, source, home)
+
+
+def _take(attempt: Attempt, item: str, source: str, home: bool, clears: bool = True) -> None:
+    attempt.phase("plan", f"grasps of {item}")
+    pose, below = look(attempt, item), surface(attempt, source)
+    if not below.holds(pose, attempt.handle.shapes[item]):
+        raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {source}")
+    if attempt.riders(item) and uncover(attempt, item):
+        pose = look(attempt, item)
+    try:
+        ways = grasps_of(attempt, item, pose, below)
+    except SkillError as failure:
+        if failure.status is not SkillStatus.UNREACHABLE or not clears:
+            raise
+        _clear(attempt, item, source, failure)
+        pose = look(attempt, item)
+        ways = grasps_of(attempt, item, pose, below)
+    way = approach(attempt, ways, item)
+    try:
+        grasp(attempt, way)
+        if home:
+            go_home(attempt)
+        attempt.check_held()
+    except SkillError as failure:
+        if failure.status is SkillStatus.GRASP_MISSED or failure.sense is Sense.FELT:
+            attempt.arm.failed_grasps.add(item, pose, way.hand)
+        raise
+    attempt.arm.failed_grasps.forget(item)
+
+
+def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> None:
+    """Moves aside what keeps an item from being taken.
+
+    Raises:
+        SkillError: `failure` where no item beside it is in the way, BLOCKED where one is and stays there.
+    """
+    pose, below, shapes = look(attempt, item), surface(attempt, source), attempt.handle.shapes
+    away = {
+        name: float(np.linalg.norm(other[:2] - pose[:2, 3]))
+        for name, other in attempt.obstacles().items()
+        if name not in (item, source, *attempt.handle.unknown)
+    }
+    near = [name for name, far in away.items() if far - shapes[name].half.max() < _BESIDE + shapes[item].half.max()]
+    found = blockers(attempt, near, lambda: grasps_of(attempt, item, pose, below, most=1))
+    if not found:
+        raise failure
+    for blocker in sorted(found, key=away.__getitem__):
+        try:
+            move_aside(attempt, blocker)
+        except SkillError as stays:
+            if stays.status not in _STAYS or attempt.holding:
+                raise
+        else:
+            return
+    raise SkillError(SkillStatus.BLOCKED, f"{', '.join(found)} in the way of {item}", blockers=found)
+
+
+def uncover(attempt: Attempt, item: str) -> bool:
+    """Puts what rests on an item down beside it, on the table below; returns whether nothing is left on it. What cannot
+    be taken, or finds no room, stays.
+
+    Raises:
+        SkillError: something that was taken could not be put down, or slipped out of the hand.
+    """
+    for rider in attempt.riders(item):
+        if rider not in attempt.riders(item):
+            continue  # it was put down with what it rested on
+        if (table := table_under(attempt, rider)) is None:
+            return False
+        try:
+            take(attempt, rider, item)
+        except SkillError as failure:
+            if failure.status not in _STAYS:
+                raise
+            return False
+        put(attempt, rider, table)
+        check_rests(attempt, rider, table)
+    return True
+
+
+def table_under(attempt: Attempt, item: str) -> str | None:
+    """Returns the name of the table that an item is over, if only by lying on other things; None where there is none.
+
+    Raises:
+        SkillError: NOT_THERE where the item is seen nowhere.
+    """
+    pose, shape = look(attempt, item), attempt.handle.shapes[item]
+    for name, table in attempt.handle.tables.items():
+        if Surface.of_table(table).holds(pose, shape, slack=0.0):
+            return name
+    return None
+
+
+def put(attempt: Attempt, item: str, target: str) -> None:
+    """Puts the held item down on a free spot of a table, or on the middle of another item, and withdraws the hand.
+
+    Raises:
+        SkillError: NOT_THERE when the hand does not hold it, DOES_NOT_FIT when it is larger than the table as it is
+            held, BLOCKED when other items leave no room, UNREACHABLE when no spot is within reach, NO_PATH when none
+            can be got to, DROPPED when the item slips out on the way, TIMED_OUT when the arm is held up.
+    """
+    held = in_hand(attempt, item)
+    withdraw(attempt, held)  # where it was gripped and not yet lifted
+    attempt.phase("plan", f"a spot on {target}")
+    way = carry(attempt, held, _spots(attempt, held, surface(attempt, target)), target)
+    release(attempt)
+    retreat(attempt, way)
+
+
+def _spots(attempt: Attempt, held: Held, target: Surface) -> list[Way]:
+    """Ways to put the held item down, or what is in the way.
+
+    Raises:
+        SkillError: BLOCKED, UNREACHABLE or DOES_NOT_FIT.
+    """
+    try:
+        return spots_for(attempt, held, target)
+    except SkillError as failure:
+        shapes, poses = attempt.handle.shapes, attempt.obstacles()
+        there = [
+            name
+            for name in poses.keys() - held.carried.keys() - attempt.handle.unknown - {target.name}
+            if target.holds(transforms.matrix(poses[name]), shapes[name])
+        ]
+        if failure.status is not SkillStatus.UNREACHABLE:
+            raise
+        found = blockers(attempt, sorted(there), lambda: spots_for(attempt, held, target, most=1))
+        if not found:
+            raise
+        message = f"{', '.join(found)} on {target.name} in the way: no room for {held.item}"
+        raise SkillError(SkillStatus.BLOCKED, message, blockers=found) from None
+
+
+def check_rests(attempt: Attempt, item: str, target: str) -> None:
+    """Looks whether an item that was put down rests where it was put. What is not seen is not in question.
+
+    Raises:
+        SkillError: FELL where it does not.
+    """
+    pose = attempt.obstacles().get(item)
+    if pose is not None and not surface(attempt, target).holds(transforms.matrix(pose), attempt.handle.shapes[item]):
+        raise SkillError(SkillStatus.FELL, f"{item} did not stay on {target}")
+
+
+def blockers(attempt: Attempt, among: Collection[str], works: Callable[[], object]) -> tuple[str, ...]:
+    """Returns those of some items without any one of which something works; all of them where it takes more than one,
+    and none where they are not what is in the way.
+
+    Args:
+        works: raises a `SkillError` where it does not work.
+    """
+
+    def works_without(items: Collection[str]) -> bool:
+        with attempt.without(items):
+            try:
+                works()
+            except SkillError as failure:
+                if failure.status is SkillStatus.CANCELLED:
+                    raise
+                return False
+        return True
+
+    if not among or not works_without(among):
+        return ()
+    return tuple(item for item in among if len(among) == 1 or works_without([item])) or tuple(among)
+
+
+def move_aside(attempt: Attempt, item: str) -> None:
+    """Takes an item and puts it down elsewhere on its table.
+
+    Raises:
+        SkillError: whatever ends that.
+    """
+    if (table := table_under(attempt, item)) is None:
+        raise SkillError(SkillStatus.NOT_THERE, f"{item} is on no table")
+    attempt.phase("clear", item)
+    _take(attempt, item, table, home=False, clears=False)
+    put(attempt, item, table)
+    check_rests(attempt, item, table)
