@@ -1,5 +1,4 @@
-"""Taking items and putting them down, made of the parts in `library`: on tables and on the tops of items, and around what
-is in the way."""
+"""Taking items and putting them down, on tables and on the tops of items, and around what is in the way."""
 
 from __future__ import annotations
 
