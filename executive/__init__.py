@@ -14,35 +14,6 @@ from typing import TYPE_CHECKING
 
 from executive import former_names
 from executive.errors import DomainError, ExecutiveError, InputError, MissingError
-from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, SkillContext, World
-from executive.types import (
-    Atom,
-    Belief,
-    Cause,
-    Condition,
-    Decision,
-    DecisionKind,
-    DerivedRules,
-    Effect,
-    Ended,
-    Event,
-    Facts,
-    Frame,
-    Image,
-    NoPlan,
-    NoPlanReason,
-    Observation,
-    OutcomeKind,
-    Phase,
-    Plan,
-    Reason,
-    Scenery,
-    SkillResult,
-    SkillStatus,
-    Step,
-    Task,
-    Verdict,
-)
 
 if TYPE_CHECKING:
     from executive.app.assembly import make_executive
@@ -55,6 +26,7 @@ if TYPE_CHECKING:
     from executive.domain.pddl import read_task
     from executive.faults import FaultInjector, parse_fault
     from executive.planning import FastDownwardPlanner, UnifiedPlanner
+    from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, SkillContext, World
     from executive.relations import Scene, takes
     from executive.sim.truth import Oracle, Truth
     from executive.sim.world import MujocoWorld
@@ -62,6 +34,34 @@ if TYPE_CHECKING:
     from executive.trace.record.log import EventLog
     from executive.trace.terminal import TerminalSink
     from executive.trace.viewer.sink import RerunSink
+    from executive.types import (
+        Atom,
+        Belief,
+        Cause,
+        Condition,
+        Decision,
+        DecisionKind,
+        DerivedRules,
+        Effect,
+        Ended,
+        Event,
+        Facts,
+        Frame,
+        Image,
+        NoPlan,
+        NoPlanReason,
+        Observation,
+        OutcomeKind,
+        Phase,
+        Plan,
+        Reason,
+        Scenery,
+        SkillResult,
+        SkillStatus,
+        Step,
+        Task,
+        Verdict,
+    )
 
 __version__ = "0.1.0"
 
@@ -132,7 +132,8 @@ __all__ = [
     "why",
 ]
 
-_FROM = {
+_PROTOCOLS = ("Estimator", "Planner", "Simulator", "Sink", "Skill", "SkillContext", "World")
+_FROM = dict.fromkeys(_PROTOCOLS, "executive.protocols") | {
     "EventLog": "executive.trace.record.log",
     "Executive": "executive.core.loop",
     "FastDownwardPlanner": "executive.planning",
@@ -160,7 +161,7 @@ _FROM = {
     "takes": "executive.relations",
     "why": "executive.trace.phrases",
 }
-"""Imported when they are first asked for: what stands behind them is not light."""
+"""Imported when they are first asked for: what stands behind them is not light. Whatever else is public is a value."""
 
 former_names.install()
 
@@ -168,9 +169,9 @@ former_names.install()
 def __getattr__(name: str) -> object:
     if name == "SimState":
         return former_names.renamed(__name__, name, "executive.Scene", __getattr__("Scene"))
-    if name not in _FROM:
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_FROM[name]), name)
+    return getattr(import_module(_FROM.get(name, "executive.types")), name)
 
 
 def __dir__() -> list[str]:

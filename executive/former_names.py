@@ -10,8 +10,6 @@ from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
-from executive.types import Decision, Ended
-
 MOVED = {
     "executive.assemble": "executive.app.run",
     "executive.compare": "executive.core.compare",
@@ -72,9 +70,13 @@ def _reason(decided: object) -> str:
     return text
 
 
+def give_reason(*kinds: type) -> None:
+    """Have what was decided know its reason in words."""
+    for kind in kinds:
+        setattr(kind, "reason", property(_reason))  # noqa: B010  (a type checker is not to know of it)
+
+
 def install() -> None:
     """Have former names be found from now on, after everything that exists."""
-    for kind in (Decision, Ended):
-        setattr(kind, "reason", property(_reason))  # noqa: B010  (a type checker is not to know of it)
     if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.append(_Finder())

@@ -11,15 +11,34 @@ from __future__ import annotations
 
 import logging
 import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
-import toppra
 from scipy.interpolate import PchipInterpolator
-from toppra import algorithm, constraint
 
 from executive.sim.robot_api import ArmLimits
 from executive.types import FloatArray
+
+
+@contextmanager
+def _without_plots() -> Iterator[None]:
+    """Stand-ins for matplotlib, which toppra imports for pictures that nobody asks for: a third of a second."""
+    stand_ins = {name: ModuleType(name) for name in ("matplotlib", "matplotlib.pyplot") if name not in sys.modules}
+    sys.modules.update(stand_ins)
+    try:
+        yield
+    finally:
+        for name in stand_ins:
+            del sys.modules[name]
+
+
+with _without_plots():
+    import toppra
+    from toppra import algorithm, constraint
 
 logging.getLogger("toppra").setLevel(logging.ERROR)
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import io
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from platformdirs import user_cache_path
 
 from executive.perception import ItemModel
 from executive.perception.models import CELL, MARGIN
-from executive.util.atomic_write import write_atomic
+from executive.util.arrays import kept
 
 _FORMAT = 1
 """Of the fields: to be raised with every change of how they are computed."""
@@ -25,17 +22,7 @@ def with_field(model: ItemModel, folder: Path | None = None) -> ItemModel:
     Args:
         folder: in place of the user's cache.
     """
-    place = folder or user_cache_path("executive") / "shapes"
-    file = place / f"{_digest(model)}.npy"
-    with suppress(OSError, ValueError, EOFError):
-        with file.open("rb") as opened:
-            model.use_field(np.load(opened, allow_pickle=False))
-        return model
-    buffer = io.BytesIO()
-    np.save(buffer, model.field, allow_pickle=False)
-    with suppress(OSError):
-        place.mkdir(parents=True, exist_ok=True)
-        write_atomic(file, buffer.getvalue())
+    kept("shapes", _digest(model), lambda: {"field": model.field}, lambda its: model.use_field(its["field"]), folder)
     return model
 
 

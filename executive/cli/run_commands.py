@@ -20,7 +20,6 @@ from executive.cli import completion, streams
 from executive.cli.app import NOT_REACHED, REACHED, ctrl_c, one_line
 from executive.cli.options import ProblemFile, RunName, chosen_problem, with_options
 from executive.errors import InputError
-from executive.types import OutcomeKind
 from executive.util.files import check_writable, reason
 
 if TYPE_CHECKING:
@@ -94,6 +93,7 @@ def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
     """Execute a run, print its result, and return the exit code."""
     from executive.faults import parse_fault
     from executive.trace.report.summary import print_summary
+    from executive.types import OutcomeKind
 
     stream = sys.stderr if as_json else sys.stdout
     with prepared, ctrl_c(prepared.cancel) as interrupted:

@@ -8,7 +8,6 @@ glancing angle; at edges, what is measured may lie anywhere between near and far
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 from executive.sim.spec import CameraSpec
 from executive.types import DepthImage, FloatArray, Image
@@ -51,6 +50,8 @@ def measured(exact: FloatArray, image: Image, camera: CameraSpec, rng: np.random
         image: the same view, (H, W, 3).
         rng: the sensor's own stream; as much is drawn whatever there is to see.
     """
+    from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
+
     within = (exact >= NEAREST) & (exact <= FARTHEST)
     if camera.depth_noise == 0.0:
         return _millimetres(np.where(within, exact, 0.0))

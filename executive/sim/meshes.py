@@ -6,6 +6,7 @@ against 0.1 s to compile, with 142,000 and 44,000 triangles (`python -m benchmar
 
 from __future__ import annotations
 
+import hashlib
 import re
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,7 @@ import mujoco
 import numpy as np
 
 from executive.types import FloatArray
+from executive.util.arrays import kept
 
 Triangles = np.ndarray[Any, np.dtype[np.int64]]
 
@@ -23,6 +25,9 @@ _FACE = re.compile(r"^f\s+(.*\S)", re.MULTILINE)
 
 CELL = 0.003
 """m; what is smaller than this is drawn as one point. A pixel of a camera shows about as much."""
+
+_FORMAT = 1
+"""Of the meshes that are kept: to be raised with every change of how they are made."""
 
 
 def lighten(scene: mujoco.MjSpec) -> None:
@@ -81,8 +86,16 @@ def _as_one(rows: Triangles) -> Triangles:
 
 @cache
 def _simplified(file: Path, scale: tuple[float, ...]) -> tuple[FloatArray, Triangles]:
-    vertices, triangles = read_obj(file)
-    return simplified(vertices * np.array(scale), triangles)
+    """The lighter mesh of a file. It is kept: to read the arm's 31 MB of text takes more than half a second."""
+
+    def make() -> dict[str, Any]:
+        vertices, triangles = read_obj(file)
+        vertices, triangles = simplified(vertices * np.array(scale), triangles)
+        return {"vertices": vertices, "triangles": triangles}
+
+    digest = hashlib.sha256(repr((_FORMAT, CELL, scale)).encode())
+    digest.update(file.read_bytes())
+    return kept("meshes", digest.hexdigest(), make, lambda mesh: (mesh["vertices"], mesh["triangles"]))
 
 
 def read_obj(file: Path) -> tuple[FloatArray, Triangles]:

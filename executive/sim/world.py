@@ -21,7 +21,7 @@ from executive.sim.rendering import Drawing, sensed
 from executive.sim.robot_api import ArmLimits, Handle, PoseSource
 from executive.sim.spec import SceneSpec, read_scene
 from executive.types import DepthImage, FloatArray, Frame, Image, Observation, PosesEstimated, Scenery
-from executive.util.files import parse_arrays
+from executive.util.arrays import parse_arrays
 from executive.util.timeout import exclusive
 
 CONTROL_PERIOD = 0.008

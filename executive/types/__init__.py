@@ -4,6 +4,7 @@ An *atom* is a grounded predicate, *facts* are signed atoms, a *condition* is a 
 probability for each atom after a look, a *verdict* is the result of comparing an expectation with a belief.
 """
 
+from executive import former_names
 from executive.types.actions import COMPILE, Dispatched, Motion, Moved, Phase, Sense, SkillResult, SkillStatus
 from executive.types.conditions import ALWAYS, NEVER, Condition
 from executive.types.decisions import Cause, Decision, DecisionKind, Ground, OutcomeKind, Reason
@@ -104,3 +105,5 @@ __all__ = [
     "Timing",
     "Verdict",
 ]
+
+former_names.give_reason(Decision, Ended)

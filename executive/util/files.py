@@ -1,4 +1,4 @@
-"""Reads untrusted files as bytes, text, TOML, JSON or arrays. Every error is one line with the file's name.
+"""Reads untrusted files as bytes, text, TOML or JSON. Every error is one line with the file's name.
 
 The results are safe to handle: they are limited in size, nested no deeper than `DEEPEST`, and whole numbers in TOML
 have at most 64 bits, as its specification says. (JSON has no such limit, and files of other programs make use of that.)
@@ -7,31 +7,20 @@ have at most 64 bits, as its specification says. (JSON has no such limit, and fi
 from __future__ import annotations
 
 import contextlib
-import io
 import json
 import os
 import re
-import struct
 import sys
 import tempfile
-import tokenize
 import tomllib
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-import numpy.typing as npt
 
 from executive.errors import InputError, OptionError
 
 LARGEST, LARGEST_TOML = 10_000_000, 1_000_000
 """The default size limits in bytes. Parsing TOML takes seconds for each million of them."""
-
-LARGEST_ARRAYS = 1_000_000_000
-"""Bytes of all arrays in a file, which may be a thousand times smaller."""
 
 _PAGE = 4096
 """Bytes that are written to a folder to see whether that works; a few may go where there is no room for a file."""
@@ -143,25 +132,6 @@ def parse_json(data: bytes | str) -> Any:
     if _is_deep(value):
         raise ValueError("nested too deep")
     return value
-
-
-def parse_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays in a file that `numpy.savez` wrote, by name. Nothing in it is run.
-
-    Raises:
-        ValueError: it is none.
-    """
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as kept:
-            if sum(part.file_size for part in kept.zip.infolist()) > LARGEST_ARRAYS:
-                raise ValueError(f"more than {LARGEST_ARRAYS:,} bytes in its arrays")
-            arrays = {name: kept[name] for name in kept.files}
-    except (
-        *(OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, MemoryError, SyntaxError),
-        *(NotImplementedError, RuntimeError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
-    ) as error:  # NumPy and zipfile raise all of these for what they did not write
-        raise ValueError(reason(error)) from None
-    return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
 
 
 def check_writable(folder: Path, option: str) -> None:

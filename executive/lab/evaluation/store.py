@@ -24,7 +24,8 @@ from executive.lab.config import EvalConfig
 from executive.lab.evaluation.evaluate import Evaluation, command_of
 from executive.lab.evaluation.metrics import Answers, never_true, scores
 from executive.types import Atom
-from executive.util.files import check_writable, parse_arrays, read_bytes, read_json
+from executive.util.arrays import parse_arrays
+from executive.util.files import check_writable, read_bytes, read_json
 
 RESULTS, ANSWERS, KEPT = "evaluation.json", "answers.npz", ".looks.jsonl"
 _LARGEST = 1_000_000_000

@@ -12,10 +12,10 @@ from tests.executive.perception.room import box
 
 def test_the_second_time_it_is_read(tmp_path: Path) -> None:
     made = with_field(box("box", (0.04, 0.05, 0.06)), tmp_path)
-    (file,) = tmp_path.glob("*.npy")
-    told = np.load(file)
+    (file,) = tmp_path.glob("*.npz")
+    told = np.load(file)["field"]
     told[0, 0, 0, 0] = 7.0
-    np.save(file, told)
+    np.savez(file, field=told)
     assert with_field(box("other name", (0.04, 0.05, 0.06)), tmp_path).field[0, 0, 0, 0] == 7.0
     assert made.field[0, 0, 0, 0] != 7.0
     with_field(box("box", (0.04, 0.05, 0.07)), tmp_path)
@@ -24,11 +24,13 @@ def test_the_second_time_it_is_read(tmp_path: Path) -> None:
 
 def test_what_is_damaged_is_computed_anew(tmp_path: Path) -> None:
     right = with_field(box("box", (0.04, 0.05, 0.06)), tmp_path).field
-    (file,) = tmp_path.glob("*.npy")
+    (file,) = tmp_path.glob("*.npz")
     for damage in (b"", b"no array", file.read_bytes()[:-40]):
         file.write_bytes(damage)
         assert np.array_equal(with_field(box("box", (0.04, 0.05, 0.06)), tmp_path).field, right)
-    np.save(file, np.full_like(right, np.nan))
+    np.savez(file, another=right)
+    assert np.array_equal(with_field(box("box", (0.04, 0.05, 0.06)), tmp_path).field, right)
+    np.savez(file, field=np.full_like(right, np.nan))
     assert np.array_equal(with_field(box("box", (0.04, 0.05, 0.06)), tmp_path).field, right)
 
 

@@ -15,13 +15,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.errors import DomainError, InputError
-from executive.util import files
+from executive.util import arrays
+from executive.util.arrays import parse_arrays
 from executive.util.files import (
     DEEPEST,
     check_writable,
     home,
     legible,
-    parse_arrays,
     parse_json,
     parse_toml,
     read_bytes,
@@ -181,10 +181,10 @@ def test_arrays_are_what_was_written() -> None:
 def test_a_small_file_of_large_arrays_is_not_unpacked(monkeypatch: pytest.MonkeyPatch) -> None:
     small = saved(a=np.zeros(100_000), b=np.zeros(10))
     assert len(small) < 2_000
-    monkeypatch.setattr(files, "LARGEST_ARRAYS", 800_000)
+    monkeypatch.setattr(arrays, "LARGEST_ARRAYS", 800_000)
     with pytest.raises(ValueError, match="more than 800,000 bytes in its arrays"):
         parse_arrays(small)
-    monkeypatch.setattr(files, "LARGEST_ARRAYS", 810_000)
+    monkeypatch.setattr(arrays, "LARGEST_ARRAYS", 810_000)
     assert parse_arrays(small).keys() == {"a", "b"}
 
 

@@ -113,7 +113,7 @@ sys.meta_path.insert(0, Watch())
 @pytest.mark.parametrize(
     "way_in",
     [
-        "from executive.__main__ import main",
+        "from executive.__main__ import main; import executive.types",
         "from executive.app.run import run",
         "from executive.app.estimate import *",
         "from executive.s3e import S3E",
