@@ -23,6 +23,7 @@ from executive.types import (
     Observation,
     Phase,
     Plan,
+    PosesEstimated,
     Questions,
     Scenery,
     SkillResult,
@@ -111,8 +112,9 @@ class World(Protocol):
         """Shapes and cameras, once, for the people who watch."""
         ...
 
-    def watch(self, listener: Callable[[Frame], None] | None) -> None:
-        """Tell `listener` where things are, some times a second of the world's time, while it moves."""
+    def watch(self, listener: Callable[[Frame | PosesEstimated], None] | None) -> None:
+        """Tell `listener` where things are, some times a second of the world's time, while it moves: as they are, for
+        people alone, and as they are estimated, where the robot films."""
         ...
 
 

@@ -222,7 +222,7 @@ class WorldContract(ABC):
         assert happened == [pytest.approx(0.2, abs=0.05)]
 
     def test_a_listener_sees_frames_until_nobody_watches(self) -> None:
-        world, frames = self.make(), list[Frame]()
+        world, frames = self.make(), list[Frame | PosesEstimated]()
         world.watch(frames.append)
         self.pass_time(world, 1.0)
         seen = len(frames)

@@ -233,6 +233,14 @@ class RunConfig:
         str, Option("Where skills take poses from: oracle (the simulator), or depth (estimated).", choices=POSES)
     ] = ORACLE_POSES
     renderer: Annotated[str | None, RENDERER] = None
+    film: Annotated[
+        float,
+        Option(
+            "With --poses depth: how often a second identical things are followed by the cameras; 0 for never.",
+            least=0,
+            most=50,
+        ),
+    ] = 5.0
     max_replans: Annotated[int | None, Option(_LIMIT, least=0)] = None
     max_actions: Annotated[int | None, Option(_LIMIT, least=1)] = None
     max_cycles: Annotated[int | None, Option(_LIMIT, least=1)] = None

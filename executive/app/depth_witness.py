@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from executive.app.identity import names_identical
 from executive.belief import ErrorModel, SensorModel, WitnessModel
 from executive.perception import EstimatedScenes
 from executive.relations.kinds import RelationKind
@@ -30,17 +31,30 @@ class DepthWitness:
         world: a simulated world whose poses are estimated.
         scenes: draws scenes by what is estimated.
         kinds: the relation of each predicate.
+        identical: the names of items that nothing tells apart, in groups. What is asked about them, their tracks
+            answer (`executive.app.identity`).
     """
 
     name = NAME
 
-    def __init__(self, world: MujocoWorld, scenes: EstimatedScenes, kinds: Mapping[str, RelationKind]) -> None:
-        self._world, self._kinds = world, kinds
+    def __init__(
+        self,
+        world: MujocoWorld,
+        scenes: EstimatedScenes,
+        kinds: Mapping[str, RelationKind],
+        identical: Sequence[Sequence[str]] = (),
+    ) -> None:
+        self._world, self._kinds, self._identical = world, kinds, identical
         self._scenes: EstimatedScenes | None = scenes
         self._items = set(world.items)
 
     def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
-        """Return the share of the scenes that are drawn from what is estimated in which each atom is true.
+        """Return how probable atoms are that are not about identical items."""
+        return self.told([atom for atom in atoms if not names_identical(atom, self._identical)])
+
+    def told(self, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
+        """Return the share of the scenes that are drawn from what is estimated in which each atom is true, if items are
+        what they go by.
 
         There is no answer about what is hidden and only remembered. What is seen nowhere is hardly on anything, unless
         there is something that may be it.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from executive.app.assembly import make_executive
 from executive.app.config import CONFIG, DEPTH, EstimatorConfig, RunConfig, check_folder, make_folder, read_config
 from executive.app.estimators import open_estimator, with_default_model
+from executive.app.identity import answered_by_tracks, trusting_tracks
 from executive.app.monitors import open_monitor
 from executive.app.planners import open_planner
 from executive.app.resume import PastRun
@@ -133,8 +134,8 @@ class Run:
         for sink in self._sinks:
             sink.close()
         self._close_model()
-        if self._witness is not None:
-            self._witness.close()
+        if self._depth is not None:
+            self._depth.close()
         self.world.close()
         requirements.give_back_memory()
 
@@ -180,6 +181,13 @@ class Run:
         log: EventLog | None,
     ) -> Executive:
         config = self.config
+        faults = FaultInjector(injected, self.world, config.seed)
+        self._depth: DepthWitness | None = None
+        identical: Sequence[Sequence[str]] = ()
+        if config.poses == DEPTH:
+            self._depth, identical = self._estimate_poses(faults)
+        if self.monitor is not None and identical:
+            self.monitor = trusting_tracks(self.monitor, identical)
         recorders: list[Sink] = [
             Snapshots(self.folder, self.world, self._stop_recording_failed),
             log or EventLog(self.folder, self._stop_recording_failed),
@@ -199,8 +207,10 @@ class Run:
             initial = self.truth.of(self.domain.task.atoms)
         else:
             estimator = vlm or self._stage.oracle
-        faults = FaultInjector(injected, self.world, config.seed)
-        self._witness = self._estimate_poses(faults) if config.poses == DEPTH else None
+            if self._depth is not None and identical:
+                from executive.app.localizer import localize
+
+                estimator = answered_by_tracks(estimator, localize(self.world), self._depth.told, identical)
         skills, moves = self._stage.skills, self._stage.moves
         preparing = [each for each in (*skills.values(), *moves.values(), self.world) if isinstance(each, Preparing)]
         return make_executive(
@@ -227,7 +237,7 @@ class Run:
             moves=moves,
             run_state=run_state,
             prepare=limit_preparing(preparing, self._seconds_left),
-            witness=self._witness,
+            witness=self._depth if self._sees_depth() else None,
         )
 
     def _sees_depth(self) -> bool:
@@ -242,13 +252,13 @@ class Run:
 
         return {NAME: witness_model(self._relation_kinds())}
 
-    def _estimate_poses(self, faults: FaultInjector) -> DepthWitness | None:
-        """Have skills act on what depth cameras see, and return what it tells of atoms, if it is to."""
+    def _estimate_poses(self, faults: FaultInjector) -> tuple[DepthWitness, Sequence[Sequence[str]]]:
+        """Have skills act on what depth cameras see; return what that tells of atoms, and which items are identical."""
         from executive.app.depth_witness import DepthWitness
         from executive.app.localizer import estimate_poses
 
-        scenes = estimate_poses(self.world, faults)
-        return DepthWitness(self.world, scenes, self._relation_kinds()) if self._sees_depth() else None
+        scenes, identical = estimate_poses(self.world, faults, self._stage.placed, self.config.film)
+        return DepthWitness(self.world, scenes, self._relation_kinds(), identical), identical
 
     def _relation_kinds(self) -> Mapping[str, RelationKind]:
         return read_relation_kinds(self.domain.relations, self.domain.task.parameters, self.domain.files[0])

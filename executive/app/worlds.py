@@ -4,7 +4,7 @@ needs of either is checked and built here."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -40,7 +40,7 @@ class Stage:
     """A world with everything of a run that belongs to it.
 
     `oracle` is the estimator that needs no model; `too_large` are the atoms that cannot be made true, each with the
-    reason.
+    reason; `placed` is the table on which the problem says that an item is at first.
     """
 
     world: Any
@@ -50,6 +50,7 @@ class Stage:
     moves: Mapping[str, Skill]
     attention: Attention
     too_large: Mapping[Atom, str]
+    placed: Mapping[str, str] = field(default_factory=dict)
 
 
 class Setting(Protocol):
@@ -102,7 +103,7 @@ class _Simulated:
         world, truth = _simulator(domain, config, self.faults, first_observation, self._initial)
         too_large = _too_large(domain, world, truth)
         attention = load_attention(domain, world, () if config.eye is None else config.eye.cameras)
-        return Stage(world, truth, Oracle(truth), skills, moves, attention, too_large)
+        return Stage(world, truth, Oracle(truth), skills, moves, attention, too_large, self._initial.placed)
 
 
 class _Symbolic:

@@ -42,6 +42,9 @@ _WHEN_DISTURBED: Mapping[str, str] = MappingProxyType(
 _TIMES = {"times": "at most so often in one action"}
 
 
+_IN_VIEW = {"seconds": "in so many seconds, in view of whoever looks (at once)"}
+
+
 def _disturbance(description: str, example: str, keys: Mapping[str, str]) -> Kind:
     return Kind(description, "around an action", example, _WHEN_DISTURBED, "after", keys)
 
@@ -72,11 +75,13 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "shove": _disturbance(
             "someone moves an item to another place",
             "shove:item=lemon,table=white-table@3",
-            {"item": "the one moved", "table": "where to"},
+            {"item": "the one moved", "table": "where to", **_IN_VIEW},
         ),
         "take": _disturbance("someone takes an item away for good", "take:item=lemon@2", {"item": "the one taken"}),
         "swap": _disturbance(
-            "someone swaps two items", "swap:item=lemon,with=soda-can@2", {"item": "the one", "with": "the other"}
+            "someone swaps two items",
+            "swap:item=lemon,with=soda-can@2",
+            {"item": "the one", "with": "the other", **_IN_VIEW},
         ),
         "tip": _disturbance(
             "an item is tipped over, and lies", "tip:item=cereal-box@1", {"item": "the one that falls"}

@@ -183,7 +183,7 @@ class _Reader:
             self._refuse("'with' is another item")
         share, seconds, times = given.get("share"), given.get("seconds"), given.get("times")
         for key, value, way in (("share", share, "wrong"), ("seconds", seconds, "slow")):
-            if value is not None and self._way != way:
+            if value is not None and self._kind.ways.get(way) and self._way != way:
                 self._refuse(f"{key} goes with the way {way!r}")
         if seconds is not None and not (_NUMBER.fullmatch(seconds) and float(seconds) <= 3600.0):
             self._refuse(f"seconds are a number up to 3600, not {seconds!r}")

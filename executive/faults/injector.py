@@ -110,6 +110,8 @@ class FaultInjector:
         fault = self._faults[place]
         named = {"item": fault.item, "with": fault.other, "table": fault.table} if fault.kind in BY_SOMEONE else {}
         arguments = {key: name for key, name in named.items() if name is not None}
+        if fault.kind in BY_SOMEONE and fault.seconds is not None:
+            arguments["seconds"] = repr(fault.seconds)
         detail = self._world.disturb(fault.kind, self.chance(place, action, _HOW), **arguments)
         self._report(FaultInjected(fault.kind, str(fault), action, detail))
 

@@ -33,6 +33,7 @@ from executive.types import (
     Observation,
     Phase,
     Plan,
+    PosesEstimated,
     Questions,
     Scenery,
     SkillResult,
@@ -121,7 +122,7 @@ class _World:
     def scenery(self) -> Scenery:
         return self._world.scenery()
 
-    def watch(self, listener: Callable[[Frame], None] | None) -> None:
+    def watch(self, listener: Callable[[Frame | PosesEstimated], None] | None) -> None:
         self._world.watch(listener)
 
 

@@ -28,6 +28,9 @@ until one of them is known."""
 HOLDING = (0.004, 0.080)
 """m between the pads when something is held."""
 
+_OVERLAPPING = 0.9
+"""The share of their width within which the middles of two identical items cannot be."""
+
 _AT_GRIP = 0.02
 """m of the grip point from an item that the fingers are around."""
 
@@ -170,12 +173,20 @@ class Localizer:
             models = [model for name, model in self._models.items() if name not in found]
             groups = [cloud.of(group) for group in clouds.clusters(cloud.points, *self._known.bounds)]
             matches = matching.match(models, groups[: 2 * len(self._models)], cloud, views, merged)
-            for match, group in matches:
-                found[match.model.name] = _estimated(match, group, views, "seen", time)
+            for match, group in sorted(matches, key=lambda each: each[0].cost):
+                if not self._overlaps_twin(match, found):
+                    found[match.model.name] = _estimated(match, group, views, "seen", time)
                 cloud = _without(cloud, match)
             if merged and not matches:
                 break
         return cloud
+
+    def _overlaps_twin(self, match: Match, found: Mapping[str, EstimatedPose]) -> bool:
+        """Whether an identical item is there already: something cuts it in two clusters, and each was taken for one."""
+        twins = next((names for names in self.identical if match.model.name in names), ())
+        width = _OVERLAPPING * 2.0 * float(match.model.half.min())
+        centres = [self._centre(name, found[name]) for name in twins if name in found]
+        return any(float(np.linalg.norm(match.translation - centre)) < width for centre in centres)
 
     def _tell_apart(
         self, found: Mapping[str, EstimatedPose], before: Mapping[str, EstimatedPose], time: float

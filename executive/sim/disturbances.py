@@ -37,6 +37,10 @@ _GRID = 0.02
 _ASIDE = 4.0
 """m between the robot and the objects that are kept aside, which are 0.4 m apart."""
 
+_LIFTS, _ASIDES = (0.14, 0.28), (0.18, 0.30)
+"""m by which things are lifted that someone carries in view, and go round the middle of their way on the side away from
+the robot: one, and another at the same time."""
+
 _TRIES = 20
 _SLIP_ANGLE = (0.2, 0.5)
 _SLIP_WAY = (0.002, 0.008)
@@ -129,6 +133,7 @@ def _shove(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str,
             break
         table, pose = found
         if _put(world, item, pose, table):
+            _carry(world, {item: before}, arguments)
             world.settle(0.3)
             return f"someone moved {item} to {table}"
     _place(world, item, before)
@@ -160,6 +165,7 @@ def _swap(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, 
         for_other = placement.upright(world.shapes[other], poses[one][:2], under_one, float(yaw))
         for_one = placement.upright(world.shapes[one], poses[other][:2], under_other, float(way))
         if _put(world, other, for_other, under_one.name) and _put(world, one, for_one, under_other.name):
+            _carry(world, poses, arguments)
             world.settle(0.3)
             return f"someone swapped {one} and {other}"
         _place(world, one, there)
@@ -289,6 +295,31 @@ def _put(world: MujocoWorld, item: str, pose: FloatArray, table: str) -> bool:
     """Sets an item's pose; returns whether it touches nothing but its table. The arm may be there."""
     _place(world, item, pose)
     return world.touched_by(item) <= {table}
+
+
+def _carry(world: MujocoWorld, before: Mapping[str, FloatArray], arguments: Mapping[str, str]) -> None:
+    """Has items that were put somewhere come there from where they were before, in view and in `seconds` of time, if
+    those are given."""
+    seconds = float(arguments.get("seconds", 0.0))
+    if seconds <= 0.0:
+        return
+    after = {item: world.pose(item) for item in before}
+    robot, start = np.asarray(world.spec.robot.position[:2]), world.time
+    share = 0.0
+    while share < 1.0:
+        share = min(1.0, (world.time - start) / seconds)
+        smooth = share * share * (3.0 - 2.0 * share)
+        for item, lift, aside_by in zip(before, _LIFTS, _ASIDES, strict=False):
+            one, other = before[item], after[item]
+            pose = one + smooth * (other - one)
+            away = pose[:2] - robot
+            pose[:2] += aside_by * np.sin(np.pi * smooth) * away / max(1e-6, float(np.linalg.norm(away)))
+            pose[2] += lift * min(1.0, 2.0 * np.sin(np.pi * smooth))
+            pose[3:] = (one if smooth < 0.5 else other)[3:]
+            _place(world, item, pose)
+        world.advance()
+    for item, pose in after.items():
+        _place(world, item, pose)
 
 
 def _penetration(world: MujocoWorld, item: str) -> float:

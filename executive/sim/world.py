@@ -38,6 +38,9 @@ RATED_ACCELERATION = np.full(6, 8.0)
 RATED_JERK = np.full(6, 200.0)
 """rad/s^3. No data sheet gives one either; with this, the full acceleration is there after 40 ms."""
 
+_NEWS = 0.005
+"""m by which something that is filmed has to be elsewhere for those who watch to be told again."""
+
 _HAND_OVER = 0.6
 """Seconds for which an item is held in place while the fingers close on it."""
 
@@ -113,10 +116,15 @@ class MujocoWorld:
         self._forced_open_until = -1.0
         self.localizer: PoseSource | None = None
         """What `locate` and `obstacles` answer from; without it, they tell where everything is."""
+        self.film_period = 0.0
+        """Seconds of the world's time from one estimate of the localizer to the next while the world moves; 0: poses
+        are estimated when somebody asks."""
+        self._next_film = 0.0
+        self._told: PosesEstimated | None = None
         self._estimate: PosesEstimated | None = None
         self._scheduled: list[tuple[float, int, Callable[[], None]]] = []
         self._ids = itertools.count()
-        self._listener: Callable[[Frame], None] | None = None
+        self._listener: Callable[[Frame | PosesEstimated], None] | None = None
         self._next_frame = 0.0
         self._observations = itertools.count(first_observation)
         self.drawing = Drawing(self.model, self.spec, seed)
@@ -246,7 +254,7 @@ class MujocoWorld:
         self._misplaced = None if np.isnan(misplaced).any() else misplaced
         self._forced_open_until, self._closed = forced, closed
         self._scheduled.clear()
-        self._next_frame = self.time
+        self._next_frame = self._next_film = self.time
 
     def schedule(self, delay: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._scheduled, (self.time + delay, next(self._ids), action))
@@ -254,9 +262,9 @@ class MujocoWorld:
     def scenery(self) -> Scenery:
         return scenery.of(self.model, self.spec)
 
-    def watch(self, listener: Callable[[Frame], None] | None) -> None:
+    def watch(self, listener: Callable[[Frame | PosesEstimated], None] | None) -> None:
         self._listener = listener
-        self._next_frame = self.time
+        self._next_frame = self._next_film = self.time
 
     def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str:
         return disturbances.disturb(self, kind, rng, arguments)
@@ -327,6 +335,15 @@ class MujocoWorld:
         if self._listener is not None and self.time >= self._next_frame:
             self._next_frame = self.time + FRAME_PERIOD
             self._listener(self.frame())
+        if self.film_period and self.localizer is not None and self.time >= self._next_film:
+            self._next_film = self.time + self.film_period
+            self._film(self.localizer.now())
+
+    def _film(self, estimate: PosesEstimated) -> None:
+        """Tells those who watch where things are by what the cameras see, if that is news."""
+        if self._listener is not None and (self._told is None or estimate.differs_from(self._told, _NEWS)):
+            self._told = estimate
+            self._listener(estimate)
 
     def frame(self) -> Frame:
         """Where every body that can move is."""

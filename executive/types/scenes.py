@@ -10,6 +10,9 @@ import numpy.typing as npt
 
 from executive.types.facts import FloatArray
 
+_DOUBT = 0.02
+"""By how much a probability has to change to be news."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
@@ -105,3 +108,18 @@ class PosesEstimated:
     lumps: tuple[Lump, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
     identity: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def differs_from(self, other: PosesEstimated, by: float) -> bool:
+        """Whether something is found or missing that was not, or is more than `by` m from where it was, or is more or
+        less certainly what it is called than it was."""
+        if self.poses.keys() != other.poses.keys():
+            return True
+        for name, pose in self.poses.items():
+            before = other.poses[name]
+            if pose.source != before.source or float(np.linalg.norm(pose.pose[:3] - before.pose[:3])) > by:
+                return True
+        return any(
+            abs(chance - other.identity.get(name, {}).get(label, 0.0)) > _DOUBT
+            for name, row in self.identity.items()
+            for label, chance in row.items()
+        )

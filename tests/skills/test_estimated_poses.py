@@ -124,7 +124,7 @@ def test_a_whole_run_by_depth_alone(estimator: str, tmp_path: Path, monkeypatch:
 def test_depth_tells_of_atoms_as_the_truth_has_them() -> None:
     """A second witness: relations on the estimated scene; of what is hidden and only remembered it tells nothing."""
     world = grocery(21, ("bread-loaf", "lemon", "soda-can"), depth=True)
-    scenes = estimate_poses(world, FaultInjector([], world, 0))
+    scenes, _ = estimate_poses(world, FaultInjector([], world, 0))
     witness = DepthWitness(world, scenes, read_relation_kinds(MEANING, {}))
     atoms = [
         *(Atom("on-table", (item, table)) for item in world.items for table in TABLES),

@@ -92,7 +92,7 @@ def faults(draw: st.DrawFn) -> Fault:
         given.get("table"),
         camera,
         given.get("share") if way == "wrong" else None,
-        given.get("seconds") if way == "slow" else None,
+        given.get("seconds") if way == "slow" or name in ("shove", "swap") else None,
         given.get("times"),
         given.get("amount") if way in SPOILED else None,
     )
@@ -126,6 +126,7 @@ def test_a_fault_is_read_back_as_it_was_printed(fault: Fault) -> None:
         ("camera:front=black@5-8", Fault("camera", 5, until=8, way="black", camera="front")),
         ("camera:frozen,p=0.1", Fault("camera", chance=0.1, way="frozen")),
         ("estimator:wrong,share=0.2@0", Fault("estimator", 0, way="wrong", share=0.2)),
+        ("swap:item=lemon,with=soda-can,seconds=2@1", Fault("swap", 1, item="lemon", other="soda-can", seconds=2.0)),
         ("estimator:slow,seconds=0.5@1", Fault("estimator", 1, way="slow", seconds=0.5)),
         ("planner:crash,times=1@0-", Fault("planner", 0, until=EVER, way="crash", times=1)),
         ("motion@3", Fault("motion", 3)),

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from executive.perception import Capture
+from executive.perception.clouds import View
 from executive.perception.localizer import Localizer, matrix
 from executive.perception.models import identical
 from executive.types import FloatArray
@@ -91,3 +95,19 @@ def test_the_one_in_the_hand_is_known_by_touch() -> None:
     assert found.identity["b"]["b"] == pytest.approx(1.0, abs=1e-3)
     room.where["b"] = pose(room.grip[0, 3], room.grip[1, 3], room.grip[2, 3])
     assert_named(localizer, room, "a", "b", "c")
+
+
+def test_one_that_is_seen_in_two_pieces_is_not_found_twice() -> None:
+    room = Room(TWINS, {"a": START["a"]})
+
+    def capture() -> Capture:
+        sensed, pieces = room.capture(), {}
+        for name, depth in sensed.depth.items():  # of a strip down its middle, nothing is measured
+            points = View.of(room.cameras[name], depth).points(np.arange(depth.size))
+            beside = np.abs(points[:, 1] - START["a"][1]).reshape(depth.shape)
+            pieces[name] = np.where(beside < 0.012, 0, depth).astype(np.uint16)
+        return replace(sensed, depth=pieces)
+
+    found = Localizer(TWINS, room, capture, lambda: room.time, at_start).now()
+    assert set(found.poses) == {"a"}
+    assert found.missing == ("b", "c")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import mujoco
 import numpy as np
 import pytest
@@ -63,6 +65,30 @@ def test_someone_moves_an_item_to_a_table_of_his_choice(world: MujocoWorld) -> N
         assert said == f"someone moved lemon to {table}"
         assert where(world)["lemon"] == table
     assert uninterrupted(world, before, "lemon")
+
+
+def _note(world: MujocoWorld, seen: list[dict[str, FloatArray]]) -> None:
+    seen.append({name: world.pose(name) for name in ("lemon", "soda-can")})
+
+
+def test_what_is_done_in_view_takes_its_time_and_ends_as_what_is_done_at_once(world: MujocoWorld) -> None:
+    before, snapshot = world.obstacles(), world.snapshot()
+    places = []
+    for arguments in ({}, {"seconds": "2"}):
+        world.restore(snapshot)
+        began, seen = world.time, list[dict[str, FloatArray]]()
+        for tick in range(1, 9):
+            world.schedule(tick / 5, partial(_note, world, seen))
+        world.disturb("swap", np.random.default_rng(1), item="lemon", **{"with": "soda-can"}, **arguments)
+        assert world.time - began == pytest.approx(2.3 if arguments else 0.3, abs=0.05)
+        assert uninterrupted(world, before, "lemon", "soda-can")
+        places.append({name: world.pose(name)[:2] for name in ("lemon", "soda-can")})
+    for name in ("lemon", "soda-can"):
+        assert np.linalg.norm(places[0][name] - places[1][name]) < 0.02
+        steps = np.linalg.norm(np.diff([each[name][:3] for each in seen], axis=0), axis=1)
+        assert steps.max() < 0.3, "it is carried, and not suddenly elsewhere"
+    apart = [float(np.linalg.norm(each["lemon"][:3] - each["soda-can"][:3])) for each in seen]
+    assert min(apart) > 0.08
 
 
 def test_what_is_taken_away_is_nowhere(world: MujocoWorld) -> None:

@@ -36,7 +36,7 @@ CONFIGS: list[dict[str, Any]] = [
         "eye": EstimatorConfig("a folder", cameras=("front", "left"), abstention=False, instructions="paper"),
     },
     {"estimator": "vlm", "eye": EstimatorConfig(server="http://127.0.0.1:8000/v1", translator="llm", llm="small")},
-    {"planner": "fast-downward-opt", "poses": "depth", "renderer": "mitsuba"},
+    {"planner": "fast-downward-opt", "poses": "depth", "film": 2.0, "renderer": "mitsuba"},
     {"world": "symbolic", "no_effect": 0.2, "exogenous": 0.1, "flip": 0.05},
 ]
 

@@ -1,0 +1,122 @@
+"""What is asked about identical things is answered by their tracks: no model can tell them apart, and no oracle may.
+
+An answer is the probability that the atom is true, over everything that the label's thing may be: where each of its
+kind is, weighed by how probable it is that this is the one. Where that decides nothing there is no answer, so that
+nothing is claimed of a label whose identity is in doubt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from executive.belief import BayesMonitor, ErrorModel, Monitor
+from executive.protocols import Asking, Estimator
+from executive.types import Atom, Belief, Observation, PosesEstimated, Questions
+
+TRACKED = ErrorModel(0.01, 0.01)
+"""The error rates of an answer by tracks; `python -m benchmarks.identity` measures them."""
+
+DECIDED = 0.1
+"""An answer whose probability is within this of 0 or 1 decides; any other is none."""
+
+_SURE = 0.99
+"""The most that is ever said for an atom."""
+
+Told = Callable[[Sequence[Atom]], Mapping[Atom, float]]
+"""How probable atoms are where things are estimated to be, if each is what it goes by. Atoms of which nothing can be
+said are left out."""
+
+
+def names_identical(atom: Atom, identical: Collection[Sequence[str]]) -> bool:
+    """Whether an atom is about one of several identical things."""
+    return any(name in names for names in identical for name in atom.args)
+
+
+def answered_by_tracks(
+    estimator: Estimator,
+    localize: Callable[[], PosesEstimated],
+    told: Told,
+    identical: Sequence[Sequence[str]],
+) -> Estimator:
+    """Return an estimator that answers what is about identical things by their tracks, and has `estimator` answer the
+    rest."""
+    asking: object = estimator  # whether it asks in words is for the running program to find out
+    kind = _AskingTracks if isinstance(asking, Asking) else _Tracks
+    return kind(estimator, localize, told, identical)
+
+
+def trusting_tracks(monitor: Monitor, identical: Sequence[Sequence[str]]) -> Monitor:
+    """Return the monitor with the error rates of tracks for what they answer."""
+    if not isinstance(monitor, BayesMonitor):
+        return monitor
+    mine = {atom: TRACKED for atom in monitor.network.atoms if names_identical(atom, identical)}
+    sensor = monitor.sensor_model
+    return replace(monitor, sensor_model=replace(sensor, atoms={**sensor.atoms, **mine}))
+
+
+class _Tracks:
+    def __init__(
+        self,
+        estimator: Estimator,
+        localize: Callable[[], PosesEstimated],
+        told: Told,
+        identical: Sequence[Sequence[str]],
+    ) -> None:
+        self._estimator, self._localize, self._tell = estimator, localize, told
+        self._identical = [tuple(names) for names in identical]
+
+    @property
+    def name(self) -> str:
+        return self._estimator.name
+
+    def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
+        mine = [atom for atom in atoms if names_identical(atom, self._identical)]
+        if not mine:
+            return self._estimator.estimate(observation, atoms)
+        others = [atom for atom in atoms if atom not in mine]
+        rest = self._estimator.estimate(observation, others) if others else Belief(observation.id, {}, source=self.name)
+        answers = self._answers(mine)
+        return replace(
+            rest,
+            probability={**rest.probability, **answers},
+            unanswered=rest.unanswered | frozenset(mine).difference(answers),
+        )
+
+    def _answers(self, atoms: Sequence[Atom]) -> dict[Atom, float]:
+        estimate = self._localize()
+        ways = {atom: _ways(atom, estimate, self._identical) for atom in atoms}
+        asked = sorted({meant for each in ways.values() for meant in each})
+        probability = self._tell(asked)
+        found = {}
+        for atom, each in ways.items():
+            least = sum(chance * probability.get(meant, 0.0) for meant, chance in each.items())
+            most = least + sum(chance for meant, chance in each.items() if meant not in probability)
+            if most <= DECIDED or least >= 1.0 - DECIDED:
+                found[atom] = min(_SURE, max(1.0 - _SURE, 0.5 * (least + most)))
+        return found
+
+
+class _AskingTracks(_Tracks):
+    @property
+    def questions(self) -> Questions:
+        asking: Any = self._estimator
+        questions: Questions = asking.questions
+        return questions
+
+
+def _ways(atom: Atom, estimate: PosesEstimated, identical: Sequence[Sequence[str]]) -> dict[Atom, float]:
+    """What an atom may mean, by names that things go by: each with its probability. Several identical things in one
+    atom are taken to be mistaken for one another independently, but for the same one only once."""
+    ways: dict[tuple[str, ...], float] = {(): 1.0}
+    for name in atom.args:
+        row = estimate.identity.get(name, {name: 1.0}) if any(name in names for names in identical) else {name: 1.0}
+        ways = {
+            (*args, other): chance * share
+            for args, chance in ways.items()
+            for other, share in row.items()
+            if other not in args
+        }
+    total = sum(ways.values()) or 1.0
+    return {Atom(atom.predicate, args): chance / total for args, chance in ways.items()}
