@@ -295,6 +295,10 @@ class Attempt:
         if self.body.estimated_poses() is not None:
             self.held()  # whoever estimates poses learns that it is held while it still is where it was
 
+    def close_fist(self) -> None:
+        """Closes the gripper on nothing."""
+        self._drive_gripper(1.0)
+
     def open_gripper(self) -> None:
         self._grip_width = None
         self._drive_gripper(0.0)

@@ -237,6 +237,18 @@ def grasp(attempt: Attempt, way: Way) -> None:
     attempt.move("lift", way.out, speed=0.6)
 
 
+def close_fist(attempt: Attempt) -> None:
+    """Closes the empty gripper, to push with.
+
+    Raises:
+        SkillError: GRASP_MISSED when it holds something.
+    """
+    if attempt.holding:
+        raise SkillError(SkillStatus.GRASP_MISSED, "the gripper holds something already")
+    attempt.phase("close")
+    attempt.close_fist()
+
+
 def carry(attempt: Attempt, held: Held, ways: Sequence[Way], what: str) -> Way:
     """Carries the held item to the first of some ways that there is a motion to, and along it to its pose; returns it.
     It goes carefully where something rests on the item. `what` is for the message.
