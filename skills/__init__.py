@@ -25,6 +25,7 @@ from executive.skills.library import (
 )
 from executive.skills.manipulation import blockers, check_rests, move_aside, put, table_under, take, uncover
 from executive.skills.surfaces import Surface
+from executive.skills.towers import carrier, check_stands, tower
 
 __all__ = [
     "ArmSkill",
@@ -35,8 +36,10 @@ __all__ = [
     "Way",
     "approach",
     "blockers",
+    "carrier",
     "carry",
     "check_rests",
+    "check_stands",
     "close_fist",
     "go_home",
     "grasp",
@@ -54,5 +57,6 @@ __all__ = [
     "surface",
     "table_under",
     "take",
+    "tower",
     "uncover",
 ]

@@ -50,7 +50,7 @@ _LOOKS_AGAIN, _LOOK_SECONDS = 2, 0.2
 _WITHDRAW = np.linspace(0.01, 0.10, 10)
 """Heights in m of the waypoints of a withdrawal from a contact."""
 
-_KINDS = {"item": "an item", "table": "a table", "surface": "a table or another item"}
+_KINDS = {"item": "an item", "table": "a table", "surface": "a table, a region or another item"}
 
 _GRIP_SECONDS = 0.6
 _BRAKE_SECONDS = 0.25
@@ -121,13 +121,13 @@ class Attempt:
 
     def arguments(self, *kinds: Literal["item", "table", "surface"]) -> tuple[str, ...]:
         """Returns the arguments of the step, each of the kind that is named for it: an item, a table, or a surface,
-        which is a table or another item.
+        which is a table, a region of one, or another item.
 
         Raises:
             InputError: the domain gives this skill an action with other parameters.
         """
         args, items, tables = self.step.args, self.handle.shapes.keys() - self.handle.unknown, self.handle.tables.keys()
-        names = {"item": items, "table": tables, "surface": items | tables}
+        names = {"item": items, "table": tables, "surface": items | tables | self.handle.regions.keys()}
         fit = len(args) == len(kinds) and all(arg in names[kind] for arg, kind in zip(args, kinds, strict=True))
         if fit and len(set(args)) == len(args):
             return args

@@ -72,16 +72,36 @@ def look(attempt: Attempt, item: str) -> FloatArray:
 
 
 def surface(attempt: Attempt, name: str) -> Surface:
-    """Returns a table, or the top of an item as it is now, as a surface.
+    """Returns a table, a region, or the top of an item as it is now, as a surface. A region in which something stands
+    is the top of the highest item there.
 
     Raises:
         SkillError: NOT_THERE where the item is seen nowhere.
     """
     if name in attempt.handle.tables:
         return Surface.of_table(attempt.handle.tables[name])
+    if name in attempt.handle.regions:
+        region = region_of(attempt, name)
+        return max(_tops_in(attempt, region), key=lambda top: float(top.centre[2]), default=region)
     if (pose := attempt.obstacles().get(name)) is None:
         raise SkillError(SkillStatus.NOT_THERE, f"{name} is seen nowhere")
     return Surface.of_item(transforms.matrix(pose), attempt.handle.shapes[name])
+
+
+def region_of(attempt: Attempt, name: str) -> Surface:
+    """Returns a region of a table as a surface, whatever stands in it."""
+    region = attempt.handle.regions[name]
+    return Surface.of_region(region, attempt.handle.tables[region.table])
+
+
+def _tops_in(attempt: Attempt, region: Surface) -> list[Surface]:
+    """The tops of all items in a region but the held one."""
+    held, shapes = attempt.held(), attempt.handle.shapes
+    poses = {name: transforms.matrix(pose) for name, pose in attempt.obstacles().items()}
+    there = [
+        name for name in poses if name not in (held.carried if held else ()) and name not in attempt.handle.unknown
+    ]
+    return [Surface.of_item(poses[n], shapes[n]) for n in there if region.holds(poses[n], shapes[n], slack=0.0)]
 
 
 def in_hand(attempt: Attempt, item: str) -> Held:

@@ -17,6 +17,7 @@ from executive.skills.library import (
     grasps_of,
     in_hand,
     look,
+    region_of,
     release,
     retreat,
     spots_for,
@@ -193,7 +194,8 @@ def check_rests(attempt: Attempt, item: str, target: str) -> None:
         SkillError: FELL where it does not.
     """
     pose = attempt.obstacles().get(item)
-    if pose is not None and not surface(attempt, target).holds(transforms.matrix(pose), attempt.handle.shapes[item]):
+    where = region_of(attempt, target) if target in attempt.handle.regions else surface(attempt, target)
+    if pose is not None and not where.holds(transforms.matrix(pose), attempt.handle.shapes[item]):
         raise SkillError(SkillStatus.FELL, f"{item} did not stay on {target}")
 
 

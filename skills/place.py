@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from executive.protocols import SkillContext
-from executive.skills import manipulation
+from executive.skills import manipulation, towers
 from executive.skills.arm import ArmSkill, Attempt, go_home, perform
 from executive.types import SkillResult, Step
 
@@ -15,15 +15,17 @@ def place(step: Step, context: SkillContext) -> SkillResult:
 
     It reports NOT_THERE when the hand does not hold the item, DOES_NOT_FIT when it is larger than the table as it is
     held, BLOCKED when other items leave no room, UNREACHABLE when no free spot is within reach, NO_PATH when none can
-    be got to, DROPPED when the item slips out on the way, FELL when it did not stay where it was put, TIMED_OUT when
-    the arm is held up.
+    be got to, DROPPED when the item slips out on the way, FELL when it did not stay where it was put, COLLAPSED
+    when what it was put on fell, TIMED_OUT when the arm is held up.
     """
     return perform(step, context, _place)
 
 
 def _place(attempt: Attempt) -> None:
     item, target = attempt.arguments("item", "surface")
+    below = towers.tower(attempt, target)
     manipulation.put(attempt, item, target)
     if attempt.handle.home_pose:
         go_home(attempt)
+    towers.check_stands(attempt, below)
     manipulation.check_rests(attempt, item, target)

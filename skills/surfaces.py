@@ -9,7 +9,7 @@ import numpy as np
 
 from executive.sim import footprint
 from executive.sim.scene import ItemShape
-from executive.sim.spec import TableSpec
+from executive.sim.spec import RegionSpec, TableSpec
 from executive.skills import transforms
 from executive.types import FloatArray
 
@@ -45,6 +45,13 @@ class Surface:
     @classmethod
     def of_table(cls, table: TableSpec) -> Surface:
         return cls(table.name, np.array(table.centre), (table.size[0], table.size[1]), table.yaw)
+
+    @classmethod
+    def of_region(cls, region: RegionSpec, table: TableSpec) -> Surface:
+        cos, sin = np.cos(table.yaw), np.sin(table.yaw)
+        x, y = region.centre
+        centre = np.array(table.centre) + [cos * x - sin * y, sin * x + cos * y, 0.0]
+        return cls(region.name, centre, region.size, table.yaw)
 
     @classmethod
     def of_item(cls, item: FloatArray, shape: ItemShape) -> Surface:

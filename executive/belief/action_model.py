@@ -40,6 +40,7 @@ DEFAULTS: Mapping[SkillStatus, Chances] = MappingProxyType(
         SkillStatus.GRASP_MISSED: Chances(0.02, 0.88, 0.10),
         SkillStatus.DROPPED: Chances(0.03, 0.17, 0.80),
         SkillStatus.FELL: Chances(0.03, 0.02, 0.95),
+        SkillStatus.COLLAPSED: Chances(0.03, 0.02, 0.95),
         SkillStatus.NO_PATH: Chances(0.01, 0.97, 0.02),
         SkillStatus.UNREACHABLE: Chances(0.01, 0.97, 0.02),
         SkillStatus.BLOCKED: Chances(0.01, 0.97, 0.02),

@@ -86,6 +86,11 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "tip": _disturbance(
             "an item is tipped over, and lies", "tip:item=cereal-box@1", {"item": "the one that falls"}
         ),
+        "topple": _disturbance(
+            "someone topples a tower: what rests on an item falls off it",
+            "topple:item=small-red-metal-cube@3",
+            {"item": "the one at the foot"},
+        ),
         "push": _disturbance("an item is pushed to the floor", "push:item=lemon@2", {"item": "the one pushed"}),
         "block": _disturbance(
             "someone puts boxes wherever there is room on a table", "block:table=white-table@1", {"table": "which"}
@@ -159,10 +164,10 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 )
 """Every kind of fault, by the word that names it."""
 
-PHYSICAL = ("drop", "miss", "slip", "shove", "take", "swap", "tip", "push", "block")
+PHYSICAL = ("drop", "miss", "slip", "shove", "take", "swap", "tip", "topple", "push", "block")
 SYMBOLIC = ("no-effect", "exogenous")
 """Those that disturb the simulated and the symbolic world (`Simulator.disturb`); the others come between the executive
 and one of its parts."""
 
-BY_SOMEONE = ("shove", "take", "swap", "tip", "push", "block", "exogenous")
+BY_SOMEONE = ("shove", "take", "swap", "tip", "topple", "push", "block", "exogenous")
 """Disturbances: faults in which someone changes the robot's world."""

@@ -1,5 +1,6 @@
 """Disturbances of the simulated world: the gripper opens, an item is moved, taken, swapped, tipped over or pushed off,
-or boxes are put on a table. No item is taken out of the gripper, and none is put where it touches the arm.
+a tower is toppled, or boxes are put on a table. No item is taken out of the gripper, and none is put where it touches
+the arm.
 
 The boxes for blocking a table, and items that were taken away, are kept on the floor behind all cameras.
 """
@@ -155,6 +156,8 @@ def _swap(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, 
     if one is None or other is None:
         return f"nothing was swapped: {'the robot holds one of them' if len(world.items) > 1 else 'there is one item'}"
     poses = {item: world.pose(item) for item in (one, other)}
+    if any(_neighbours(world, item) for item in (one, other)):
+        return _swap_in_towers(world, one, other)
     under_one, under_other = _under(world, one), _under(world, other)
     if under_one is None or under_other is None:
         return f"{one} and {other} were not swapped: one of them is on no table"
@@ -172,6 +175,27 @@ def _swap(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, 
     for item, pose in poses.items():
         _place(world, item, pose)
     return f"{one} and {other} were to be swapped, but do not fit"
+
+
+def _neighbours(world: MujocoWorld, item: str) -> set[str]:
+    """The items that touch an item."""
+    return world.touched_by(item) & set(world.items)
+
+
+def _swap_in_towers(world: MujocoWorld, one: str, other: str) -> str:
+    """Each stands in the other's place, whatever is under or on it; what is on it stays on top."""
+    above = {item: _all_upon(world, item) for item in (one, other)}
+    if one in above[other] or other in above[one]:
+        return f"{one} and {other} were not swapped: one stands on the other"
+    places = {item: (world.pose(item)[:2], _top(world, item) - 2 * _height(world, item)) for item in (one, other)}
+    for item, partner in ((one, other), (other, one)):
+        rise = 2 * (float(world.shapes[item].half[2]) - _height(world, partner))
+        for rider in above[partner]:
+            _place(world, rider, world.pose(rider) + np.array([0.0, 0.0, rise, 0.0, 0.0, 0.0, 0.0]))
+    for item, partner in ((one, other), (other, one)):
+        _place(world, item, placement.standing_at(world.shapes[item], *places[partner], 0.0))
+    world.settle(0.6)
+    return f"someone swapped {one} and {other}"
 
 
 def _tip(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
@@ -197,6 +221,58 @@ def _tip(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, s
             return f"{item} was tipped over"
     _place(world, item, before)
     return f"{item} was to be tipped over, but has no room to lie"
+
+
+_TOPPLED = 0.7
+"""m/s that everything above the foot of a toppled tower is given."""
+
+
+def _topple(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    above = {item: upon for item in world.items if (upon := _upon(world, item)) and item != world.gripped()}
+    if (foot := arguments.get("item")) is None and above:
+        foot = sorted(above)[int(rng.integers(len(above)))]
+    if foot is None or foot not in above:
+        return "nothing was toppled: nothing stands on " + ("anything" if foot is None else foot)
+    heading = rng.uniform(-np.pi, np.pi)
+    push, before = _TOPPLED * np.array([np.cos(heading), np.sin(heading)]), world.pose(above[foot])
+    for _ in range(_TRIES):
+        for rider in _all_upon(world, foot):
+            dof = world.model.joint(f"{rider}/free").dofadr[0]
+            world.data.qvel[dof : dof + 2] = push
+        world.settle(0.5)
+        if world.pose(above[foot])[2] < before[2] - 0.01:
+            world.settle(1.0)
+            return f"someone toppled what stood on {foot}"
+    return f"what stands on {foot} was to be toppled, but stands"
+
+
+def _all_upon(world: MujocoWorld, item: str) -> list[str]:
+    """What rests on an item, and on that, from the lowest on."""
+    found: list[str] = []
+    while (upon := _upon(world, found[-1] if found else item)) is not None and upon not in found:
+        found.append(upon)
+    return found
+
+
+def _upon(world: MujocoWorld, item: str) -> str | None:
+    """What rests on an item: one that touches it and whose middle is above its top."""
+    top = _top(world, item)
+    return next((other for other in sorted(_neighbours(world, item)) if world.pose(other)[2] > top), None)
+
+
+def _top(world: MujocoWorld, item: str) -> float:
+    """How high in m an item reaches."""
+    pose, rotation = world.pose(item), np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, pose[3:])
+    middle = pose[:3] + rotation.reshape(3, 3) @ world.shapes[item].centre
+    return float(middle[2]) + _height(world, item)
+
+
+def _height(world: MujocoWorld, item: str) -> float:
+    """Half of how high in m an item is as it stands or lies."""
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, world.pose(item)[3:])
+    return world.shapes[item].reach(rotation.reshape(3, 3).T @ np.array([0.0, 0.0, 1.0]))
 
 
 def _push(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
@@ -249,6 +325,7 @@ _DISTURBANCES: Mapping[str, Callable[[MujocoWorld, np.random.Generator, Mapping[
     "take": _take,
     "swap": _swap,
     "tip": _tip,
+    "topple": _topple,
     "push": _push,
     "block": _block,
 }

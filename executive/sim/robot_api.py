@@ -8,13 +8,14 @@ of atoms is not available here.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Protocol
 
 import mujoco
 
 from executive.sim.scene import ItemShape
-from executive.sim.spec import TableSpec
+from executive.sim.spec import RegionSpec, TableSpec
 from executive.types import FloatArray, PosesEstimated
 
 
@@ -49,6 +50,8 @@ class Handle:
     body: Body
     unknown: frozenset[str] = frozenset()
     """The boxes among the shapes that stand for what is there and is no known item."""
+    regions: Mapping[str, RegionSpec] = field(default_factory=lambda: MappingProxyType({}))
+    """The named parts of tables."""
     keep_trees: bool = False
     """Whether motions are reported with their search tree, for the viewer."""
 

@@ -21,6 +21,7 @@ class SkillStatus(StrEnum):
     GRASP_MISSED = "grasp missed"
     DROPPED = "dropped"
     FELL = "fell"  # it was put down, and did not stay where it was put
+    COLLAPSED = "collapsed"  # what it was put on fell
     TIMED_OUT = "timed out"
     CANCELLED = "cancelled"
     CRASHED = "crashed"
