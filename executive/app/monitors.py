@@ -55,10 +55,12 @@ def open_monitor(
     counts = {} if domain.outcomes is None else sensor_fit.load_outcomes(domain.outcomes, domain.parsed.actions)
     sensor, thresholds = _sensor_model(config, domain, estimator, oracle or EXACT)
     found = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
-    space = list_states(domain.parsed, found)
+    # Over listed states nothing says which of their atoms are hidden.
+    space = None if domain.task.visible else list_states(domain.parsed, found)
     network = MutexNetwork(domain.task.atoms, groups_of(found, space))
     actions = ActionModel(counts, process_noise(len(domain.task.atoms))) if config.memory else None
-    return BayesMonitor(network, sensor, actions, thresholds, domain.looking.carried, space, witnesses)
+    carried, visibility = domain.looking.carried, domain.task.visibility
+    return BayesMonitor(network, sensor, actions, thresholds, carried, space, witnesses, visibility)
 
 
 def _sensor_model(

@@ -130,6 +130,7 @@ class _Symbolic:
             first_observation,
             domain.task.derived,
             domain.task.fluents,
+            domain.task.visibility,
         )
         skills = dict.fromkeys(domain.parsed.actions, SymbolicSkill())
         oracle = SymbolicEstimator(world, config.flip)

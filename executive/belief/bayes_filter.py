@@ -16,7 +16,7 @@ Boyen and Koller 1998).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -30,13 +30,27 @@ from executive.belief.priors import posterior as listed_posterior
 from executive.belief.sensor_model import LEAST_EVIDENCE, PastEvidence, SensorModel
 from executive.belief.state_space import StateSpace
 from executive.belief.witnesses import WitnessModel, together
-from executive.types import Atom, Belief, Contradiction, Facts, FloatArray, Overruled, SkillResult, SkillStatus, Step
+from executive.types import (
+    Atom,
+    Belief,
+    Contradiction,
+    Facts,
+    FloatArray,
+    Overruled,
+    SkillResult,
+    SkillStatus,
+    Step,
+    Visibility,
+)
 
 DEFAULT_THRESHOLDS = Thresholds(0.15, 0.85)
 """The thresholds where no error rate was requested: probabilities in between mean unknown."""
 
 EMPTY_GROUP = 0.05
 """The prior probability that all atoms of a group are false, in a group that allows that."""
+
+HIDDEN_NOISE = 0.1
+"""The process noise of what is hidden, as a share of that of what is not: what nobody sees is seldom moved. Assumed."""
 
 _CERTAIN = 1e3
 """Log-odds far beyond any evidence, to condition on an atom."""
@@ -70,6 +84,7 @@ class BeliefState:
         evidence: the log-likelihood ratios of this moment's answers, atom by atom.
         witnessed: the same of what each witness told, by its name.
         marginal: each atom's posterior probability; None before the first look.
+        chances: each hypothesis's posterior probability; None before the first look.
         before, now: the last known values before this moment's looks, and with them.
         earlier: the evidence of looks at earlier moments about atoms that no action has affected since.
         sensed: the evidence in the last skill's report.
@@ -82,6 +97,7 @@ class BeliefState:
     now: LastKnown = field(default_factory=LastKnown)
     earlier: Mapping[Atom, PastEvidence] = field(default_factory=lambda: MappingProxyType({}))
     sensed: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
+    chances: tuple[float, ...] | None = None
     witnessed: Mapping[str, Mapping[Atom, tuple[float, ...]]] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
@@ -119,6 +135,7 @@ class BayesMonitor:
             own sensing is evidence about it, besides the looks.
         space: the states that the task's actions lead to, if they are listed.
         witnesses: how those err that tell of atoms beside the estimator, by name; others are not listened to.
+        visibility: when atoms can be seen. What is said of one that is not believed to be visible is not used.
     """
 
     network: MutexNetwork
@@ -128,6 +145,7 @@ class BayesMonitor:
     carried: Mapping[str, tuple[str, tuple[int, ...]]] = field(default_factory=lambda: MappingProxyType({}))
     space: StateSpace | None = None
     witnesses: Mapping[str, WitnessModel] = field(default_factory=lambda: MappingProxyType({}))
+    visibility: Visibility = field(default_factory=Visibility)
     _uniform: Mapping[Atom, float] = field(init=False, repr=False)
     _partners: Mapping[Atom, frozenset[Atom]] = field(init=False, repr=False)
     _clusters: Mapping[Atom, tuple[tuple[Group, ...], ...]] = field(init=False, repr=False)
@@ -163,16 +181,17 @@ class BayesMonitor:
         if self.actions is None:
             return replace(self.begin(), before=memory.now, now=memory.now)
         marginal, process_noise = memory.marginal or self._posterior(memory).marginal, self.actions.process_noise
-        unchanged = self._with_noise(marginal, process_noise)
+        hidden = self._hidden(marginal)
+        unchanged = self._with_noise(marginal, process_noise, hidden)
         undetermined: frozenset[Atom] = frozenset()
         chances = Chances(0.0, 1.0, 0.0)
         if step is None:
             outcomes = [(1.0, unchanged, False)]
         else:
             chances = self.actions.chances(step.action, SkillStatus.DONE if result is None else result.status)
-            undetermined = affected(step, self._partners)
+            undetermined, after = affected(step, self._partners), with_effects(marginal, step, self._partners)
             outcomes = [
-                (chances.effects, self._with_noise(with_effects(marginal, step, self._partners), process_noise), True),
+                (chances.effects, self._with_noise(after, process_noise, hidden), True),
                 (chances.nothing, unchanged, False),
                 (chances.other, {**unchanged, **{atom: self._uniform[atom] for atom in undetermined}}, False),
             ]
@@ -192,6 +211,20 @@ class BayesMonitor:
         )
 
     def looked(self, memory: BeliefState, raw: Belief, cycle: int) -> tuple[BeliefState, Judgement]:
+        if not self.visibility:
+            return self._looked(memory, raw, cycle)
+        # What can be seen depends on what is seen: first what always can be, then what can be as far as that tells.
+        told = raw.probability.keys() | {atom for each in raw.witnesses.values() for atom in each}
+        used = told - self.visibility.conditions.keys()
+        while True:
+            after, judgement = self._looked(memory, _only(raw, used), cycle)
+            known = judgement.seen | {atom: each.value for atom, each in judgement.remembered.items()}
+            more = told - used - self.visibility.hidden(known)
+            if not more:
+                return after, judgement
+            used |= more
+
+    def _looked(self, memory: BeliefState, raw: Belief, cycle: int) -> tuple[BeliefState, Judgement]:
         answers = {atom: value for atom, value in raw.probability.items() if atom in self._partners}
         evidence = {**memory.evidence}
         for atom, value in answers.items():
@@ -215,7 +248,7 @@ class BayesMonitor:
             remembered=now.remembered(seen, cycle, marginal),
             came_about=self._came_about(memory, posterior),
         )
-        return replace(memory, marginal=marginal, now=now), judgement
+        return replace(memory, marginal=marginal, now=now, chances=posterior.chances), judgement
 
     def state_without(self, memory: BeliefState, atom: Atom) -> Facts | None:
         partners = sorted(self._partners[atom])
@@ -288,7 +321,7 @@ class BayesMonitor:
         """Return the prior probability, at the next moment, that the state is a listed one, and the posterior
         probability of each listed state if it is."""
         parts = [(each.chance, each.prior) for each in memory.hypotheses if isinstance(each.prior, Listed)]
-        chances = self._posterior(memory).chances
+        chances = memory.chances or self._posterior(memory).chances
         share = math.fsum(
             chance for chance, each in zip(chances, memory.hypotheses, strict=True) if isinstance(each.prior, Listed)
         )
@@ -344,12 +377,23 @@ class BayesMonitor:
             isinstance(memory.hypotheses[heaviest].prior, Listed),
         )
 
-    def _with_noise(self, marginal: Mapping[Atom, float], process_noise: float) -> dict[Atom, float]:
-        """Return the marginals mixed with the uniform prior's, which has the weight `process_noise`."""
-        return {
-            atom: (1.0 - process_noise) * value + process_noise * self._uniform[atom]
-            for atom, value in marginal.items()
-        }
+    def _with_noise(
+        self, marginal: Mapping[Atom, float], process_noise: float, hidden: Collection[Atom] = ()
+    ) -> dict[Atom, float]:
+        """Return the marginals mixed with the uniform prior's, which has the weight `process_noise`, and less for what
+        is hidden."""
+        mixed = {}
+        for atom, value in marginal.items():
+            noise = HIDDEN_NOISE * process_noise if atom in hidden else process_noise
+            mixed[atom] = (1.0 - noise) * value + noise * self._uniform[atom]
+        return mixed
+
+    def _hidden(self, marginal: Mapping[Atom, float]) -> frozenset[Atom]:
+        """Return the atoms that are believed to be hidden."""
+        if not self.visibility:
+            return frozenset()
+        truth = {atom: self._truth(atom, value) for atom, value in marginal.items()}
+        return self.visibility.covered({atom: value for atom, value in truth.items() if value is not None})
 
     def _truth(self, atom: Atom, probability: float) -> bool | None:
         return self.thresholds.get(atom.predicate, DEFAULT_THRESHOLDS).truth(probability)
@@ -379,7 +423,9 @@ class BayesMonitor:
         """Return `Judgement.state`."""
         true = {atom for atom in asked if atom in best}
         true |= seen.only(atom for atom in seen if atom not in asked).true
-        remembered = sorted(known.without(asked).without(seen).true)
+        concealed = self.visibility.conditions.keys() - asked.keys() - seen.keys()
+        true |= {atom for atom in sorted(concealed & best) if true.isdisjoint(self._partners[atom])}
+        remembered = sorted(known.without(asked).without(seen).without(concealed).true)
         return Facts.closed(
             true.union(atom for atom in remembered if true.isdisjoint(self._partners[atom])), self.network.atoms
         )
@@ -404,6 +450,15 @@ class BayesMonitor:
             for atom, value in answers.items()
             if (answered := self._truth(atom, value)) is not None and seen.get(atom) is not answered
         ]
+
+
+def _only(raw: Belief, atoms: Collection[Atom]) -> Belief:
+    """Return the answers about these atoms; the others count as unanswered."""
+    left = {atom: value for atom, value in raw.probability.items() if atom in atoms}
+    evidence = {atom: each for atom, each in raw.evidence.items() if atom in atoms}
+    unanswered = raw.unanswered | (raw.probability.keys() - left.keys())
+    witnesses = {name: {a: told for a, told in each.items() if a in atoms} for name, each in raw.witnesses.items()}
+    return replace(raw, probability=left, unanswered=unanswered, evidence=evidence, witnesses=witnesses)
 
 
 def _log_odds(probability: float) -> float:

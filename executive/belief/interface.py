@@ -57,7 +57,8 @@ class Judgement:
         probability: the posterior probability of every atom of the task; of unseen ones, from the action model and
             earlier looks.
         state: every atom's truth in the most probable consistent state, which is planned from. An unseen atom has its
-            last known value; it is false if that contradicts what is seen, or if it was never seen.
+            last known value; it is false if that contradicts what is seen, or if it was never seen. One that cannot
+            always be seen is then as it most probably is.
         contradictions: answers of the newest look that cannot all be right, which consistency resolved.
         overruled: answers of the newest look that the posterior does not follow.
         remembered: atoms that these looks do not decide and earlier ones did.

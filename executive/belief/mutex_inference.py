@@ -22,7 +22,7 @@ from executive.types import Atom
 MAX_FRONTIER = 2048
 """The most combinations of taken groups that are kept at a time. Up to this many, inference is exact."""
 
-WIDE = 64
+WIDE = 16
 """Combinations from which on arrays are quicker than going from one to the next."""
 
 _NONE = -1

@@ -24,6 +24,7 @@ from executive.core.settings import Settings
 from executive.errors import InputError
 from executive.protocols import Planner, Preparing, Skill
 from executive.types import (
+    Atom,
     Belief,
     Cause,
     Compared,
@@ -149,7 +150,8 @@ class Executive:
         self._weigh(self.observer.look_at_all(self.run_state, "first look"))
         while True:
             atoms, looks = self.run_state.task.atoms, self.run_state.moment.looks
-            decision = self._decide(policy.first(atoms, self.run_state.known, looks, self.settings))
+            hidden = self.run_state.hidden
+            decision = self._decide(policy.first(atoms, self.run_state.known, looks, self.settings, hidden))
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision
             self._in_time()
@@ -250,11 +252,14 @@ class Executive:
         while True:
             self.run_state = run_state = self.run_state.whole_goal_seen()
             _, verdict = self._compare_condition("goal", run_state.goal, run_state.claimable(self.settings.claim))
+            if (found := self.queries.to_see(run_state, verdict)) is not None:
+                return self._look_for(*found)
             plan, whole = self.queries.with_given_up(run_state) if verdict.satisfied else (None, run_state.goal)
             unsure, dropped = run_state.unsure_of_goal(self.settings.sure), run_state.what_was_given_up(plan, whole)
+            remembered = tuple(run_state.recalled(self.settings.claim))
             redo = self.queries.redo(run_state, verdict) if checks > self.settings.max_looks_again else None
             decision = self._decide(
-                policy.finish(run_state.goal, verdict, unsure, checks, dropped, self.settings, redo)
+                policy.finish(run_state.goal, verdict, unsure, checks, dropped, self.settings, redo, remembered)
             )
             if decision.kind is DecisionKind.REPLAN and redo is not None:
                 return self._take_up_optimistic(redo)
@@ -263,6 +268,12 @@ class Executive:
             self._in_time()
             self._weigh(self.observer.look_again(run_state, cause, decision.evidence))
             checks += 1
+
+    def _look_for(self, atoms: tuple[Atom, ...], plan: Plan) -> Decision:
+        """Take up a plan to see what the goal hangs on."""
+        self._decide(policy.look_for(atoms))
+        self.run_state = self.run_state.looking_for(atoms)
+        return self._take_up(plan, self.run_state.goal)
 
     def _take_up_optimistic(self, found: OptimisticPlan) -> Decision:
         self.run_state = self.run_state.assuming(found.state, found.doubted)

@@ -120,14 +120,17 @@ class CameraObserver:
         return self._look(run_state, cause, {(): run_state.questions(self._settings.max_questions)}, LookKind.FOCUSED)
 
     def look_at_all(self, run_state: RunState, cause: str) -> Look:
-        return self._look(run_state, cause, {(): run_state.task.atoms}, LookKind.FULL)
+        return self._look(run_state, cause, {(): run_state.askable}, LookKind.FULL)
 
     def look_again(self, run_state: RunState, cause: str, atoms: Sequence[Atom], surprised: bool = False) -> Look:
         """Look through the cameras that show the atoms best, then each time with the arm further out of the way, as far
         as it gets. Where no camera shows them better than the others, the arm moves at once."""
         if surprised and not run_state.asked_all:
             return self.look_at_all(run_state, cause)
-        atoms = run_state.task.derived.support(atoms) or run_state.task.atoms
+        askable = run_state.askable
+        if atoms := run_state.task.derived.support(atoms):
+            atoms = tuple(atom for atom in atoms if atom in askable) if run_state.task.visible else atoms
+        atoms = atoms or askable
         groups = self._attention.groups(atoms)
         moved = run_state.moment.looks - any(groups)
         if moved > 0 and self._clear(atoms, moved - 1):

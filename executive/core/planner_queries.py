@@ -114,6 +114,34 @@ class PlannerQueries:
             return None
         return self._as_if(run_state, doubted[0], self._monitor.state_without(run_state.memory, doubted[0]))
 
+    def to_see(self, run_state: RunState, verdict: Verdict) -> tuple[tuple[Atom, ...], Plan] | None:
+        """The atoms of the goal that cannot be seen now and a plan to see them, all of them or else the first that can
+        be, which ends where the goal holds. Each is gone to see twice at most."""
+        hidden = run_state.hidden
+        wanted = tuple(atom for atom in sorted(verdict.unknown & hidden) if run_state.tried.count(atom) < 2)
+        if verdict.violated or not wanted:
+            return None
+        for atoms in (wanted, *((atom,) for atom in wanted if len(wanted) > 1)):
+            there = Condition.all_of(run_state.task.visible[atom] for atom in atoms)
+            plan = self._plan(run_state, there, run_state.state, StuckSteps.NEVER)
+            self._emit(probed(there, plan))
+            if isinstance(plan, Plan) and (whole := self._and_back(run_state, plan)) is not None:
+                return atoms, whole
+        return None
+
+    def _and_back(self, run_state: RunState, plan: Plan) -> Plan | None:
+        """Return the plan with what has to follow for the goal to hold."""
+        state = run_state.state
+        for step in plan.steps:
+            state = progress(state, step, run_state.task.derived)
+        if run_state.holds(run_state.goal, state):
+            return plan if plan.steps else None
+        back = self._plan(run_state, run_state.goal, state, StuckSteps.NEVER)
+        self._emit(probed(run_state.goal, back))
+        if isinstance(back, NoPlan):
+            return None
+        return replace(plan, steps=(*plan.steps, *back.steps), cost=plan.cost + back.cost)
+
     def _as_if(self, run_state: RunState, atom: Atom, state: Facts | None) -> OptimisticPlan | None:
         if state is None or run_state.holds(run_state.goal, state):
             return None

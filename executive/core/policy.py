@@ -58,6 +58,7 @@ class StepOutcome:
         looks: how many there were since the action.
         attempt: this step's tries in a row.
         failures: how often it has failed, this time included.
+        found_otherwise: the atoms that could not be seen before, and are not as the plan took them to be.
     """
 
     step: Step
@@ -71,6 +72,13 @@ class StepOutcome:
     looks: int
     attempt: int
     failures: Failures
+    found_otherwise: tuple[Atom, ...] = ()
+
+    @property
+    def is_found_otherwise(self) -> bool:
+        """Whether the step came out, and what it shows calls for another plan."""
+        is_done = self.result.done and not self.verdict.violated
+        return self.rest is None and is_done and bool(self.found_otherwise)
 
 
 class UncertainAtoms(NamedTuple):
@@ -116,16 +124,19 @@ class ClearingPlan(NamedTuple):
     plan: Plan
 
 
-def first(atoms: Collection[Atom], known: Facts, looks: int, settings: Settings) -> Decision:
-    """After a look that opens the run: is there something to plan from?"""
-    unknown = tuple(atom for atom in atoms if atom not in known)
+def first(
+    atoms: Collection[Atom], known: Facts, looks: int, settings: Settings, hidden: Collection[Atom] = ()
+) -> Decision:
+    """After a look that opens the run: is there something to plan from? What is `hidden` cannot be told by looking."""
+    unknown = tuple(atom for atom in atoms if atom not in known and atom not in hidden)
+    found_out = (Cause(Reason.HIDDEN, tuple(sorted(hidden))),) if hidden else ()
     if unknown and looks <= settings.max_looks_again:
         return Decision(DecisionKind.LOOK_AGAIN, (Cause(Reason.CANNOT_TELL, unknown),), unknown)
     if unknown and not known:
         return _stop(OutcomeKind.GAVE_UP, Cause(Reason.NOTHING_SEEN, count=looks), evidence=unknown)
     if unknown:
-        return Decision(DecisionKind.CONTINUE, (Cause(Reason.UNKNOWN_AS_FALSE, unknown),), unknown)
-    return Decision(DecisionKind.CONTINUE, (Cause(Reason.ALL_KNOWN),))
+        return Decision(DecisionKind.CONTINUE, (Cause(Reason.UNKNOWN_AS_FALSE, unknown), *found_out), unknown)
+    return Decision(DecisionKind.CONTINUE, found_out or (Cause(Reason.ALL_KNOWN),))
 
 
 def before(
@@ -171,6 +182,9 @@ def after(turn: StepOutcome, settings: Settings) -> Decision:
         elif causes:
             causes += (Cause(Reason.PLAN_VALID),)
         return Decision(DecisionKind.CONTINUE, causes or (Cause(Reason.AS_EXPECTED),), evidence or step.affects)
+    if turn.is_found_otherwise:
+        found = Cause(Reason.FOUND_OTHERWISE, turn.found_otherwise)
+        return Decision(DecisionKind.REPLAN, (found, *doubts), turn.found_otherwise)
     causes = (*(reported or (Cause(Reason.STEP_FAILED, steps=named),)), *surprises, *doubts)
     evidence = evidence or tuple(turn.doubts)
     enough = turn.failures.too_many(result.status, settings)
@@ -251,18 +265,21 @@ def finish(
     dropped: GivenUp,
     settings: Settings,
     redo: OptimisticPlan | None = None,
+    remembered: tuple[Atom, ...] = (),
 ) -> Decision:
     """Nothing is left to do: `verdict` holds the goal against what is seen now, for only seeing it is success, and is
     the `checks`-th one in a row. `unsure` are its atoms, and where some of it was given up all atoms, that cannot be
-    told with `Settings.sure`. `redo` would bring about once more what cannot be told."""
+    told with `Settings.sure`. `redo` would bring about once more what cannot be told. `remembered` are its atoms that
+    were seen before and are hidden now, as the goal has it."""
     gave_up = dropped.goals != ALWAYS
+    recalled = (Cause(Reason.GOAL_RECALLED, remembered),) if remembered else ()
     once_more, many_more = checks <= min(1, settings.max_looks_again), checks <= settings.max_looks_again
     # What was given up is worth more looks than what holds: it may have come within reach and not be believed yet.
     if verdict.satisfied and unsure and (once_more or (gave_up and many_more)):
         atoms = tuple(sorted(unsure))
         return Decision(DecisionKind.LOOK_AGAIN, (Cause(Reason.GOAL_UNCERTAIN, atoms),), atoms)
     if verdict.satisfied and not gave_up:
-        return _stop(OutcomeKind.GOAL_REACHED, Cause(Reason.GOAL_SEEN), evidence=_atoms(goal))
+        return _stop(OutcomeKind.GOAL_REACHED, Cause(Reason.GOAL_SEEN), *recalled, evidence=_atoms(goal))
     if verdict.satisfied:
         seen, literals, named = Cause(Reason.REST_OF_GOAL_SEEN), dropped.goals.texts(), _atoms(dropped.goals)
         if dropped.plan is not None:
@@ -284,6 +301,11 @@ def finish(
         return Decision(DecisionKind.REPLAN, (believed, again), (redo.doubted,))
     outcome = OutcomeKind.PARTIAL if verdict.holds else OutcomeKind.GAVE_UP
     return _stop(outcome, believed, evidence=unknown)
+
+
+def look_for(atoms: tuple[Atom, ...]) -> Decision:
+    """Nothing is left to do, and some of the goal cannot be seen from here: there is a plan to see it."""
+    return Decision(DecisionKind.REPLAN, (Cause(Reason.TO_BE_SEEN, atoms),), atoms)
 
 
 def finish_blind(goal: Condition) -> Decision:

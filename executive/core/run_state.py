@@ -18,6 +18,7 @@ from executive.core.policy import Failures, GivenUp, StepOutcome, UncertainAtoms
 from executive.core.settings import Settings
 from executive.types import (
     ALWAYS,
+    NEVER,
     Atom,
     Belief,
     Cause,
@@ -76,13 +77,15 @@ _MOST_BLOCKED = 4
 @dataclass(frozen=True, slots=True)
 class Moment:
     """The time between two actions, in which the world stays as it is: what was expected and what was known before, how
-    many looks there were, which atoms they asked about, and the number of the last observation."""
+    many looks there were, which atoms they asked about, and the number of the last observation. `assumed` is what the
+    plan takes to be so of what could not be seen before."""
 
     expected: Facts = field(default_factory=Facts)
     before: Facts = field(default_factory=Facts)
     looks: int = 0
     asked: frozenset[Atom] = frozenset()
     observation_id: int = -1
+    assumed: Facts = field(default_factory=Facts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +153,23 @@ class RunState:
     @property
     def asked_all(self) -> bool:
         """Whether the looks at this moment asked about every atom."""
-        return self.moment.looks > 0 and self.moment.asked.issuperset(self.task.atoms)
+        return self.moment.looks > 0 and self.moment.asked.issuperset(self.askable)
+
+    @property
+    def askable(self) -> tuple[Atom, ...]:
+        """The atoms that may be asked about: all but those that cannot be seen as far as is known, or expected."""
+        visibility = self.task.visibility
+        if not visibility:
+            return self.task.atoms
+        covered = visibility.covered(self.known)
+        if self.moment.expected:
+            covered &= visibility.covered(self.moment.expected)
+        return tuple(atom for atom in self.task.atoms if atom not in covered)
+
+    @property
+    def hidden(self) -> frozenset[Atom]:
+        """The atoms that are not seen, and of which it is not known that they can be."""
+        return self.task.visibility.hidden(self.known) - self.seen.keys()
 
     @property
     def given_up(self) -> Condition:
@@ -183,7 +202,7 @@ class RunState:
             self._asked_for(self.goal),
         )
         probability = self.judgement.probability if self.judgement else {}
-        return questions(self.task.atoms, matters, probability, most)
+        return questions(self.askable, matters, probability, most)
 
     def uncertain_atoms(self, settings: Settings) -> UncertainAtoms:
         """Return all atoms, the least certain first, and before all those that cannot be told. There is no plan because
@@ -204,6 +223,7 @@ class RunState:
         if self.given_up != ALWAYS:
             return self.unsure(self.task.atoms, sure)
         unsure = self.unsure(self._asked_for(self.goal), sure)
+        unsure = tuple(atom for atom in unsure if atom not in self.hidden)
         # A disjunction that holds by what is sure hangs on nothing else.
         left, plain = self.task.derived.complete(self.seen.without(unsure), self.goal.atoms), self.goal.facts
         hanging = [part for part in self.goal.conjuncts if part.truth(left) is not True]
@@ -216,7 +236,16 @@ class RunState:
         if self.judgement is None or self.judgement.thresholded:
             return self.seen
         doubtful, plain = self.unsure(self._asked_for(self.goal), claim), self.goal.facts
-        return self.seen.without([atom for atom in doubtful if atom not in plain or self.seen.get(atom) is plain[atom]])
+        seen = self.seen.without([atom for atom in doubtful if atom not in plain or self.seen.get(atom) is plain[atom]])
+        return seen | self.recalled(claim)
+
+    def recalled(self, claim: float) -> Facts:
+        """Return the literals of the goal that were seen to hold, are hidden by what the goal itself asks for, and hold
+        with a probability of at least `claim` still."""
+        goal, hidden = self.goal.facts, self.hidden
+        kept = [atom for atom in goal if atom in hidden and self.task.visible[atom].given(goal) == NEVER]
+        doubtful = self._unsure(kept, self.known, claim)
+        return goal.only(atom for atom in kept if atom not in doubtful and self.known.get(atom) is goal[atom])
 
     def compared(self, condition: Condition, facts: Facts) -> tuple[Facts, Verdict]:
         """The literals by which a condition is judged where `facts` hold, and what becomes of each."""
@@ -236,11 +265,14 @@ class RunState:
 
     def unsure(self, atoms: Iterable[Atom], sure: float) -> tuple[Atom, ...]:
         """Return those of the atoms that cannot be told, or with a probability of less than `sure`."""
+        return self._unsure(atoms, self.seen, sure)
+
+    def _unsure(self, atoms: Iterable[Atom], facts: Facts, sure: float) -> tuple[Atom, ...]:
         probability = self.judgement.probability if self.judgement else {}
 
         def is_sure(atom: Atom) -> bool:
             chance = probability.get(atom, 0.5)
-            return atom in self.seen and (chance if self.seen[atom] else 1.0 - chance) >= sure
+            return atom in facts and (chance if facts[atom] else 1.0 - chance) >= sure
 
         return tuple(atom for atom in atoms if not is_sure(atom))
 
@@ -324,6 +356,10 @@ class RunState:
         judgement = replace(self.judgement, state=state)
         return replace(self, known=state, judgement=judgement, tried=(*self.tried, doubted))
 
+    def looking_for(self, atoms: tuple[Atom, ...]) -> RunState:
+        """A plan is about to be carried out to see these."""
+        return replace(self, tried=(*self.tried, *atoms))
+
     def giving_up(self, why: tuple[Cause, ...]) -> RunState:
         """Some of the goal is about to be left out of what is planned for."""
         return replace(self, given_up_why=why)
@@ -336,7 +372,8 @@ class RunState:
     def dispatched(self) -> RunState:
         """The next step is handed to its skill: its effects are expected, and that all else stays."""
         expected = progress(self.known, self.left[0], self.task.derived)
-        moment = Moment(expected, self.known, observation_id=self.moment.observation_id)
+        assumed = self.state.only(self.hidden)
+        moment = Moment(expected, self.known, observation_id=self.moment.observation_id, assumed=assumed)
         return replace(self, moment=moment, actions=self.actions + 1)
 
     def acted(self, result: SkillResult, memory: Memory) -> RunState:
@@ -349,6 +386,8 @@ class RunState:
 
     def judged(self, turn: StepOutcome, decision: Decision) -> RunState:
         """The dispatched step came out as `turn` says, and `decision` was taken on it."""
+        if turn.is_found_otherwise:
+            return replace(self.worked(turn.step), attempt=1)
         if turn.rest is None:
             failed = self.failed(turn.step, self.moment.before, decision, turn.result.blockers)
             return replace(failed, attempt=self.attempt + 1)
@@ -380,7 +419,9 @@ class RunState:
         verdict = compare(self.expected, self.seen)
         rules, seen = self.task.derived, self.seen
         view = remaining_plan(step, left, self.state, self.goal, bool(verdict.violated), rules, seen)
-        ages = {atom: judgement.age(atom) if judgement else None for atom in sorted(view.needed - self.seen.keys())}
+        unseen = sorted(view.needed - self.seen.keys() - self.hidden)
+        ages = {atom: judgement.age(atom) if judgement else None for atom in unseen}
+        assumed = moment.assumed.only(self.seen)
         return StepOutcome(
             step=step,
             result=result,
@@ -393,6 +434,7 @@ class RunState:
             looks=moment.looks,
             attempt=self.attempt,
             failures=self.failing(step, moment.before),
+            found_otherwise=tuple(atom for atom, value in assumed.items() if self.seen[atom] is not value),
         )
 
     def ended(self, decision: Decision) -> Ended:

@@ -55,7 +55,9 @@ class Domain:
     world is built from, `subject` is what an estimator is asked about, `outcomes` is the file that says how reliable
     the skills are (`executive.app.sensor_fit` reads it), if there is one, `looking` is how it is to look, and `files`
     are all the files that were read or located. A pair of PDDL files has neither skills nor relations nor a scene
-    (`scene_file` is None): only the symbolic world can play it."""
+    (`scene_file` is None), nor has a folder of the kind `symbolic`: only the symbolic world can play it. `leaves_open`
+    is whether the problem's :init may leave open where things are, for the robot to see; that of a pair of PDDL files
+    says everything, what it does not name is false."""
 
     name: str
     folder: Path
@@ -71,6 +73,7 @@ class Domain:
     outcomes: Path | None
     looking: Looking
     files: tuple[Path, ...]
+    leaves_open: bool = False
 
     @property
     def scene(self) -> Path:
@@ -82,12 +85,6 @@ class Domain:
         if self.scene_file is None:
             raise DomainError("has no scene for the simulator; play it with --world symbolic", file=self.files[0])
         return self.scene_file
-
-    @property
-    def leaves_open(self) -> bool:
-        """Whether the problem's :init may leave open where things are, for the robot to see. That of a pair of PDDL
-        files says everything: what it does not name is false."""
-        return self.scene_file is not None
 
     def draw_action(
         self, state: Mapping[Atom, bool], rng: np.random.Generator, about: Collection[str] = ()
@@ -134,19 +131,23 @@ def load_domain(
     default = source.file(manifest.problem, "problem")
     problem_file = default if problem is None else _problem(folder, problem)
     questions, instructions = source.words(manifest)
-    scene = source.file(manifest.world.scene, "world.scene")
+    scene = source.scene(manifest)
     outcomes = None if manifest.outcomes is None else source.file(manifest.outcomes, "outcomes")
-    parsed = read_task(domain_file, problem_file, _looked_at(manifest, questions))
+    parsed = read_task(domain_file, problem_file, _looked_at(manifest, questions), source.stated(manifest))
     if parsed.unreachable:  # in a folder that is made for a robot this is a slip of the pen
         line, reason = parsed.unreachable
         raise DomainError(reason, file=problem_file, key=f"line {line}")
     skill_of = {name: table.skill for name, table in manifest.actions.items()}
-    relation_of = {name: table.relation for name, table in manifest.predicates.items()}
-    source.check("actions", "skill", parsed.actions, skill_of, skills)
+    relation_of = {name: each.relation for name, each in manifest.predicates.items() if each.relation is not None}
+    if scene is None:  # a world of atoms needs no words for what they do in the simulator
+        needless = frozenset(parsed.predicates)
+        source.check("actions", "skill", parsed.actions, skill_of, skills, parsed.actions)
+    else:
+        needless = parsed.static | parsed.derived
+        source.check("actions", "skill", parsed.actions, skill_of, skills)
     for name in relation_of:
         if name in parsed.derived:
             source.fail(("predicates", name), "is derived by axioms: it is computed, and needs no relation")
-    needless = parsed.static | parsed.derived
     source.check("predicates", "relation", parsed.predicates, relation_of, relations, needless)
     for name, said in relation_of.items():
         names = [f"?{each}" for each in parsed.task.parameters[name]]
@@ -169,6 +170,7 @@ def load_domain(
         relations=MappingProxyType(relation_of),
         subject=Subject(name, parsed.task, domain_file, questions, instructions),
         outcomes=outcomes,
+        leaves_open=True,
         looking=source.looking(
             manifest,
             parsed.predicates,

@@ -10,6 +10,7 @@ import re
 import stat
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from types import MappingProxyType
@@ -17,6 +18,7 @@ from typing import Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from executive.domain.pddl import Fragment, Stated
 from executive.errors import DomainError, nearest, unregistered
 from executive.relations import kinds
 from executive.util.files import LARGEST, LARGEST_TOML, caseless, parse_toml, read_text, reason
@@ -46,8 +48,8 @@ class _Table(BaseModel):
 
 
 class _World(_Table):
-    kind: Literal["mujoco"]
-    scene: str
+    kind: Literal["mujoco", "symbolic"]
+    scene: str | None = None
 
 
 class _Action(_Table):
@@ -56,7 +58,8 @@ class _Action(_Table):
 
 
 class _Predicate(_Table):
-    relation: str
+    relation: str | None = None
+    visible: str | None = None
 
 
 class _Looking(_Table):
@@ -77,6 +80,7 @@ class Manifest(_Table):
     actions: dict[str, _Action] = {}
     predicates: dict[str, _Predicate] = {}
     looking: _Looking = _Looking()
+    invariants: dict[str, str] = {}
 
 
 def inside(folder: Path, path: Path) -> Path:
@@ -128,6 +132,27 @@ class Source:
             return inside(self.folder, self.folder / name)
         except DomainError as error:
             self.fail(key.split("."), f"{name!r}: {error.message}")
+
+    def scene(self, manifest: Manifest) -> Path | None:
+        """The file that the simulated world is built from; None where there is no more than atoms."""
+        world = manifest.world
+        if (world.scene is None) is (world.kind == "mujoco"):
+            self.fail(("world", "scene"), "is missing" if world.scene is None else "goes with kind = 'mujoco' alone")
+        return None if world.scene is None else self.file(world.scene, "world.scene")
+
+    def stated(self, manifest: Manifest) -> Stated:
+        """The formulas that the manifest states."""
+
+        def fragment(text: str, *key: str) -> Fragment:
+            return Fragment(text, partial(self.fail, key))
+
+        visible = {
+            name: fragment(table.visible, "predicates", name, "visible")
+            for name, table in manifest.predicates.items()
+            if table.visible is not None
+        }
+        kept = {name: fragment(text, "invariants", name) for name, text in manifest.invariants.items()}
+        return Stated(MappingProxyType(visible), MappingProxyType(kept))
 
     def words(self, manifest: Manifest) -> tuple[Path | None, Path | None]:
         """The files of questions and instructions, where the manifest names them."""

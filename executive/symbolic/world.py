@@ -28,6 +28,7 @@ from executive.types import (
     SkillResult,
     SkillStatus,
     Step,
+    Visibility,
 )
 
 ACTION_SECONDS = 1.0
@@ -52,6 +53,7 @@ class SymbolicWorld:
         first_observation: the number of the first observation.
         rules: how derived atoms follow from the others.
         fluents: the numeric fluents, each of which is asked about once a look, as a number.
+        visibility: when atoms can be seen; the sensor says nothing of those that cannot be.
 
     Raises:
         ValueError: the flip rate is not from 0 to less than 0.5.
@@ -70,6 +72,7 @@ class SymbolicWorld:
         first_observation: int = 0,
         rules: DerivedRules | None = None,
         fluents: Sequence[Fluent] = (),
+        visibility: Visibility | None = None,
     ) -> None:
         if not 0.0 <= flip < 0.5:
             raise ValueError(f"flip: a share from 0 to less than 0.5 is expected, got {flip}")
@@ -78,6 +81,7 @@ class SymbolicWorld:
         self._state = {atom: atom in holding for atom in self._index}
         self._rules = rules or DerivedRules()
         self._fluents = {atom: fluent for fluent in fluents for _, atom in fluent.values}
+        self._visibility = visibility or Visibility()
         self._seen: tuple[int, Mapping[Atom, bool]] = (-1, {})
         self._next_action, self._flip, self._seed = next_action, flip, seed
         self._time, self._observations, self._ineffective = 0.0, first_observation, False
@@ -103,8 +107,8 @@ class SymbolicWorld:
         return Observation(number, self._time, {}, np.zeros(0), cause)
 
     def sense(self, observation: Observation, atoms: Iterable[Atom]) -> dict[Atom, float]:
-        """The sensor's answers at the moment of the last observation: the probability of each atom. An atom gets the
-        same answer as often as it is asked about at one moment, whatever else is asked.
+        """The sensor's answers at the moment of the last observation: the probability of each atom that can be seen. An
+        atom gets the same answer as often as it is asked about at one moment, whatever else is asked.
 
         Raises:
             ValueError: it is another observation.
@@ -116,6 +120,8 @@ class SymbolicWorld:
         yes, no = 1.0 - self._flip, self._flip
         answers: dict[Atom, float] = {}
         for atom in atoms:
+            if not self._visibility.truth(atom, state):
+                continue
             if atom in self._fluents:
                 said = self._said(self._fluents[atom], state, chance)
                 answers[atom] = yes if atom == said else no / max(1, len(self._fluents[atom].values) - 1)
@@ -223,4 +229,5 @@ class SymbolicEstimator:
         self.name = f"oracle, {flip:.3g} flipped" if flip else "oracle"
 
     def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
-        return Belief(observation.id, self._world.sense(observation, atoms), source=self.name)
+        answers = self._world.sense(observation, atoms)
+        return Belief(observation.id, answers, frozenset(atoms) - answers.keys(), self.name)

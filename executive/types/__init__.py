@@ -40,6 +40,7 @@ from executive.types.observations import (
 )
 from executive.types.scenes import Camera, EstimatedPose, Frame, Geometry, Lump, PosesEstimated, Scenery
 from executive.types.tasks import Effect, Fluent, NoPlan, NoPlanReason, Plan, Probed, Step, Task
+from executive.types.visibility import Visibility
 
 __all__ = [
     "ALWAYS",
@@ -104,6 +105,7 @@ __all__ = [
     "Task",
     "Timing",
     "Verdict",
+    "Visibility",
 ]
 
 former_names.give_reason(Decision, Ended)

@@ -42,6 +42,7 @@ class Reason(StrEnum):
     INITIAL_STATE_GIVEN = "initial-state-given"
     CANNOT_TELL = "cannot-tell"  # atoms; ages, if they were asked about before
     UNKNOWN_AS_FALSE = "unknown-as-false"  # atoms
+    HIDDEN = "hidden"  # atoms: planned with as they most probably are
     NOTHING_SEEN = "nothing-seen"  # count of looks; steps, if one was carried out before
     # Before a step.
     PRECONDITION_UNMET = "precondition-unmet"  # steps, unmet literals; atoms: those of them that were never seen
@@ -59,6 +60,7 @@ class Reason(StrEnum):
     EFFECTS_ASSUMED = "effects-assumed"
     PLAN_VALID = "plan-valid"
     PLAN_INVALID = "plan-invalid"  # steps: the one that was carried out
+    FOUND_OTHERWISE = "found-otherwise"  # atoms: what could not be seen before
     STEPS_UNNEEDED = "steps-unneeded"  # count of total
     RETRY = "retry"  # count of total
     FAILED_WITH_SAME_FACTS = "failed-with-same-facts"  # count
@@ -83,6 +85,8 @@ class Reason(StrEnum):
     GOAL_UNCERTAIN = "goal-uncertain"  # atoms
     GOAL_NOT_SEEN = "goal-not-seen"  # atoms
     GOAL_UNKNOWN = "goal-unknown"  # atoms
+    GOAL_RECALLED = "goal-recalled"  # atoms: seen before, and hidden as the goal has it
+    TO_BE_SEEN = "to-be-seen"  # atoms of the goal
     GOAL_ONLY_BELIEVED = "goal-only-believed"  # atoms, count of looks
     DONE_AGAIN = "done-again"  # atoms: what is assumed to be true
     REST_OF_GOAL_SEEN = "rest-of-goal-seen"

@@ -9,6 +9,7 @@ from enum import StrEnum
 from executive.types.conditions import ALWAYS, Condition
 from executive.types.derived import DerivedRules
 from executive.types.facts import Atom, Facts
+from executive.types.visibility import Visibility
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +167,8 @@ class Task:
     of its parameters; `numeric` are the names of the numeric fluents, which have no atoms and are not estimated.
     `static` is what is true of what no action changes, as :init says; it is known, and neither estimated nor part of
     any state. `derived` are the rules of derived atoms, which are computed and neither estimated nor part of a state.
-    `fluents` are the numeric fluents that are estimated, by the atoms that stand for their values.
+    `fluents` are the numeric fluents that are estimated, by the atoms that stand for their values. `visible` has the
+    condition under which an atom can be seen, of those for which there is one.
     """
 
     name: str
@@ -180,6 +182,7 @@ class Task:
     static: frozenset[Atom] = frozenset()
     derived: DerivedRules = field(default_factory=DerivedRules)
     fluents: tuple[Fluent, ...] = ()
+    visible: Mapping[Atom, Condition] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         unknown = self.goal.atoms.difference(self.atoms, self.derived.rules)
@@ -187,6 +190,11 @@ class Task:
             raise ValueError(f"the goal names {sorted(map(str, unknown))}, which the task does not have")
         if both := self.static.intersection(self.atoms):
             raise ValueError(f"{min(map(str, both))} is static and a fluent at once")
+
+    @property
+    def visibility(self) -> Visibility:
+        """When atoms can be seen."""
+        return Visibility(self.visible, self.derived)
 
 
 @dataclass(frozen=True, slots=True)

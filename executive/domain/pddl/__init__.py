@@ -8,6 +8,7 @@ order of sections is free, and case is ignored, as PDDL demands. Who asks about 
 than the words (`read_vocabulary`), of any domain whatever its actions are like.
 """
 
+from executive.domain.pddl.forms import Fragment
 from executive.domain.pddl.formulas import (
     And,
     Axiom,
@@ -23,7 +24,7 @@ from executive.domain.pddl.formulas import (
     negated,
 )
 from executive.domain.pddl.grounding import written_out
-from executive.domain.pddl.reader import MOST_ATOMS, read_task, read_vocabulary
+from executive.domain.pddl.reader import MOST_ATOMS, Stated, read_task, read_vocabulary
 from executive.domain.pddl.schema import Action, Said, Schema
 from executive.domain.pddl.typing import OBJECT, Typing
 
@@ -37,11 +38,13 @@ __all__ = [
     "Exists",
     "Forall",
     "Formula",
+    "Fragment",
     "LiftedEffect",
     "Literal",
     "Or",
     "Said",
     "Schema",
+    "Stated",
     "Typing",
     "conjuncts",
     "literals",

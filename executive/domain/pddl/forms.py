@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -91,7 +91,7 @@ class PddlFile:
 
     def __init__(self, path: Path, kind: str, only: frozenset[str] | None = None) -> None:
         self.path = path
-        self.definition = definition = self._parse()
+        self.definition = definition = self._parse(read_text(path, mistake=DomainError))
         name = definition.rest[0] if definition.rest else None
         if definition.head != "define" or name is None or name.head != kind or len(name.rest) != 1:
             self.fail(definition.line, f"expected (define ({kind} <name>) ...)")
@@ -119,8 +119,7 @@ class PddlFile:
             )
         return form.word
 
-    def _parse(self) -> Form:
-        text = read_text(self.path, mistake=DomainError)
+    def _parse(self, text: str) -> Form:
         stack: list[tuple[int, list[Form]]] = [(1, [])]
         swallowed: tuple[int, int] | None = None  # where a section begins inside another: which, and where
         for number, line in enumerate(text.lower().split("\n"), start=1):
@@ -186,6 +185,17 @@ class PddlFile:
                 bare = Form(form.line, form.word.removeprefix(prefix), form.items)
                 waiting.append((form, prefix + self.identifier(bare, what)))
         return result + [(own, name, None) for own, name in waiting]
+
+
+class Fragment(PddlFile):
+    """A formula that another file has as text. `fail` says what is wrong with it, and where it stands there."""
+
+    def __init__(self, text: str, fail: Callable[[str], NoReturn]) -> None:
+        self._fail = fail
+        self.definition = self._parse(text)
+
+    def fail(self, line: int, message: str) -> NoReturn:
+        self._fail(message if line == 1 else f"on its line {line}: {message}")
 
 
 def shorten(form: Form, limit: int = 60) -> str:

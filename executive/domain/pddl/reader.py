@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
 
 from executive.domain.pddl import fluents
 from executive.domain.pddl.actions import read_action, read_axiom
-from executive.domain.pddl.forms import Form, PddlFile, shorten
+from executive.domain.pddl.forms import Form, Fragment, PddlFile, shorten
 from executive.domain.pddl.formulas import Axiom, Formula, Literal, conjuncts
 from executive.domain.pddl.grounding import Grounding, Row
 from executive.domain.pddl.numbers import COST, NUMERAL, survey
 from executive.domain.pddl.schema import Action, Said, Schema, Unreachable
 from executive.domain.pddl.words import Words, number
-from executive.errors import DomainError
+from executive.errors import DomainError, nearest
 from executive.types import ALWAYS, NEVER, Atom, Condition, DerivedRules, Fluent, Task
 
 MOST_ATOMS = 50_000
@@ -28,7 +30,18 @@ MOST_PARTS = 500_000
 """Conditions that an action, or the goal, may have once its quantifiers are written out."""
 
 
-def read_task(domain: Path, problem: Path, seen: Collection[str] = ()) -> Schema:
+class Stated(NamedTuple):
+    """Formulas that a manifest states, as text: when an atom of a predicate can be seen, over the predicate's own
+    parameters, and what every state keeps, by its name."""
+
+    visible: Mapping[str, Fragment] = MappingProxyType({})
+    invariants: Mapping[str, Fragment] = MappingProxyType({})
+
+
+NOTHING_STATED = Stated()
+
+
+def read_task(domain: Path, problem: Path, seen: Collection[str] = (), stated: Stated = NOTHING_STATED) -> Schema:
     """Read a domain and one of its problems. Atoms that no action changes are static, but for those of predicates in
     `seen`, which somebody is to look at all the same.
 
@@ -63,7 +76,7 @@ def read_task(domain: Path, problem: Path, seen: Collection[str] = ()) -> Schema
     file = file or PddlFile(problem, "problem")
     if words.numbers is None:
         _declare_problem(words, source, file)
-    return _Reading(words, source, file, actions, axioms, frozenset(seen) - derived).schema()
+    return _Reading(words, source, file, actions, axioms, frozenset(seen) - derived, stated).schema()
 
 
 def read_vocabulary(domain: Path, problem: Path, seen: Collection[str] = ()) -> Task:
@@ -153,7 +166,9 @@ class _Reading:
         actions: Mapping[str, Action],
         axioms: Sequence[tuple[Axiom, Form]],
         seen: frozenset[str],
+        stated: Stated,
     ) -> None:
+        self._stated = stated
         self._words, self._typing, self._domain, self._problem = words, words.typing, domain, problem
         self._actions, self._seen = actions, seen
         self._axioms, self._axiom_forms = tuple(axiom for axiom, _ in axioms), [form for _, form in axioms]
@@ -188,6 +203,7 @@ class _Reading:
             static=static,
             derived=rules,
             fluents=_numeric(words, atoms),
+            visible=self._visible(grounding, atoms),
         )
         return Schema(
             task,
@@ -202,7 +218,41 @@ class _Reading:
             self._values,
             self._has_costs(),
             self._unreachable,
+            self._invariants(grounding),
         )
+
+    def _visible(self, grounding: Grounding, atoms: Sequence[Atom]) -> dict[Atom, Condition]:
+        """When each atom can be seen; those that always can are left out."""
+        words, found = self._words, dict[Atom, Condition]()
+        for name, text in self._stated.visible.items():
+            if name not in words.predicates:
+                text.fail(1, f"there is no predicate {name!r}; {nearest(name, words.predicates)}")
+            if name in self._static | self._derived:
+                why = "derived by axioms" if name in self._derived else "static"
+                text.fail(1, f"{name} is {why}: nobody looks at it")
+            kinds = zip(words.parameters[name], words.predicates[name], strict=True)
+            scope = {f"?{each}": kind for each, kind in kinds}
+            formula = self._formula(text, grounding, scope, len(atoms))
+            for atom in atoms:
+                if atom.predicate == name:
+                    condition = grounding.condition(formula, dict(zip(scope, atom.args, strict=True)))
+                    found.update({} if condition == ALWAYS else {atom: condition})
+        return found
+
+    def _invariants(self, grounding: Grounding) -> dict[str, Condition]:
+        """What every state keeps, by its name."""
+        found = {}
+        for name, text in self._stated.invariants.items():
+            found[name] = grounding.condition(self._formula(text, grounding, {}, 1), {})
+            if found[name] == NEVER:
+                text.fail(1, "no state at all is like this")
+        return found
+
+    def _formula(self, text: Fragment, grounding: Grounding, scope: Mapping[str, str], times: int) -> Formula:
+        formula = self._words.formula(text, text.definition, scope, str(text.definition)[:60])
+        if (size := times * grounding.size(formula)) > MOST_PARTS:
+            text.fail(1, f"has {size} conditions once written out; {MOST_PARTS} are supported")
+        return formula
 
     def _read_init(self) -> None:
         words, problem = self._words, self._problem

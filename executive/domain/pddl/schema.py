@@ -53,7 +53,8 @@ class Schema:
     problem file names them, and `goal` is the goal as it stands there. `static` are the predicates that are what
     `:init` says, `derived` those that axioms define, and `init` is all that `:init` says of fluent atoms. `values` are
     those of static functions, for costs. `has_costs`: the sum of costs is minimised, and not the number of steps.
-    `unreachable` says of a goal that no state can reach why that is so.
+    `unreachable` says of a goal that no state can reach why that is so. `invariants` are what the domain states that
+    every state keeps, by name.
     """
 
     task: Task
@@ -68,6 +69,7 @@ class Schema:
     values: Mapping[tuple[str, tuple[str, ...]], float] = field(default_factory=lambda: MappingProxyType({}))
     has_costs: bool = False
     unreachable: Unreachable | None = None
+    invariants: Mapping[str, Condition] = field(default_factory=lambda: MappingProxyType({}))
 
     @cached_property
     def features(self) -> frozenset[str]:

@@ -97,6 +97,7 @@ REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.INITIAL_STATE_GIVEN: lambda _: "told what holds",
     Reason.CANNOT_TELL: _cannot_tell,
     Reason.UNKNOWN_AS_FALSE: lambda cause: f"cannot tell {_atoms(cause)}: planned from as false",
+    Reason.HIDDEN: lambda cause: f"{_atoms(cause)} cannot be seen from here: planned with what is most probable",
     Reason.NOTHING_SEEN: _nothing_seen,
     Reason.PRECONDITION_UNMET: _precondition_unmet,
     Reason.WAITING: lambda cause: f"waiting (look {cause.count})",
@@ -112,6 +113,7 @@ REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.EFFECTS_ASSUMED: lambda _: "nobody looks, its effects are assumed",
     Reason.PLAN_VALID: lambda _: "the plan still reaches the goal",
     Reason.PLAN_INVALID: lambda cause: f"{_steps(cause)} is done, yet the plan does not reach the goal from here",
+    Reason.FOUND_OTHERWISE: lambda cause: f"now that it can be seen, {_atoms(cause)} is not as the plan took it to be",
     Reason.STEPS_UNNEEDED: lambda cause: f"{cause.count} of {cause.total:g} steps no longer needed",
     Reason.RETRY: lambda cause: f"trying again ({cause.count} of {cause.total:g})",
     Reason.FAILED_WITH_SAME_FACTS: lambda cause: f"it came to this {_times(cause)} from the same known facts",
@@ -134,6 +136,10 @@ REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.GOAL_UNCERTAIN: lambda cause: f"nothing is left to do, but {_atoms(cause)} could be surer",
     Reason.GOAL_NOT_SEEN: lambda cause: f"nothing is left to do, but not seen as the goal has it: {_atoms(cause)}",
     Reason.GOAL_UNKNOWN: lambda cause: f"nothing is left to do, but cannot tell {_atoms(cause)}",
+    Reason.GOAL_RECALLED: lambda cause: f"{_atoms(cause)} was seen before it was hidden",
+    Reason.TO_BE_SEEN: lambda cause: (
+        f"nothing is left to do, but {_atoms(cause)} cannot be seen from here: going to look"
+    ),
     Reason.GOAL_ONLY_BELIEVED: lambda cause: (
         f"the goal is believed to hold, but cannot tell {_atoms(cause)} in {_looks(cause.count)}"
     ),

@@ -28,7 +28,7 @@ from executive.belief import (
 )
 from executive.errors import InputError, nearest
 from executive.trace.record.codec import decode, encode
-from executive.types import Atom, Condition, DerivedRules, SkillStatus
+from executive.types import Atom, Condition, DerivedRules, SkillStatus, Visibility
 from executive.util.atomic_write import write_atomic
 from executive.util.files import read_json
 
@@ -82,8 +82,9 @@ class _Fused:
     states: str = ""
     """The listed states' bits, compressed, as text; nothing where none are listed."""
     rules: Mapping[Atom, Condition] = field(default_factory=dict)
-    """How derived atoms follow from those of the listed states."""
+    """How derived atoms follow from those of the listed states, or from those that say what can be seen."""
     witnesses: Mapping[str, _Witness] = field(default_factory=dict)
+    visible: Mapping[Atom, Condition] = field(default_factory=dict)
 
 
 _KINDS: Mapping[str, type] = {"plain": _Plain, "fused": _Fused}
@@ -145,6 +146,9 @@ def _fused(monitor: BayesMonitor) -> _Fused:
     witnesses = {name: _Witness(_kept(each.sensor), each.shared) for name, each in monitor.witnesses.items()}
     eye = _kept(monitor.sensor_model)
     kept = _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried, witnesses=witnesses)
+    if monitor.visibility:
+        seen = monitor.visibility
+        kept = replace(kept, visible=seen.conditions, rules=seen.rules.rules)
     if monitor.space is None:
         return kept
     return replace(kept, states=_compressed(monitor.space), rules=monitor.space.rules.rules)
@@ -203,4 +207,5 @@ def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
     network = MutexNetwork(tuple(atoms), kept.groups)
     space = _listed(kept.states, atoms, kept.rules) if kept.states else None
     witnesses = {name: WitnessModel(_sensor(each.sensor), each.shared) for name, each in kept.witnesses.items()}
-    return BayesMonitor(network, _sensor(kept.eye), actions, kept.thresholds, carried, space, witnesses)
+    visibility = Visibility(kept.visible, DerivedRules(kept.rules)) if kept.visible else Visibility()
+    return BayesMonitor(network, _sensor(kept.eye), actions, kept.thresholds, carried, space, witnesses, visibility)

@@ -131,7 +131,7 @@ MISTAKES = {
     "missing key": ('title = "Two', '# = "Two', "domain.toml: title: is missing"),
     "empty title": ('"Two cubes and a tray"', '""', "line 3: title: should have at least 1 character, got ''"),
     "wrong type": ('"Two cubes and a tray"', "7", "line 3: title: should be a valid string, got 7"),
-    "unknown world": ('"mujoco"', '"gazebo"', "line 10: world.kind: should be 'mujoco', got 'gazebo'"),
+    "unknown world": ('"mujoco"', '"gazebo"', "line 10: world.kind: should be 'mujoco' or 'symbolic', got 'gazebo'"),
     "missing key of a table": ('scene = "scene.toml"', "", "line 9: world.scene: is missing"),
     "unknown key of a table": ("skill =", "skil =", "line 14: actions.lift.skil: unknown key; did you mean 'skill'?"),
     "missing table": ("[world]", "[word]", "line 9: word: unknown key; did you mean 'world'?"),
