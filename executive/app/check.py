@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import prod
 
+from executive.app.monitors import check_invariants
 from executive.domain.loader import Domain, load_domain
 from executive.errors import DomainError
 from executive.planning.mutex_groups import find_mutexes
@@ -59,6 +60,7 @@ def check(where: str, problem: str | None = None, seconds: float = 30.0) -> Repo
 
         checked_stage(domain)
     mutexes = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
+    check_invariants(domain, mutexes.groups)
     task, schema = domain.task, domain.parsed
     return Report(
         domain=task.name,

@@ -5,7 +5,8 @@ Everything that is built here can be built by hand from `executive.belief`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from executive.app import sensor_fit
@@ -14,6 +15,8 @@ from executive.belief import (
     EXACT,
     ActionModel,
     BayesMonitor,
+    ConstrainedNetwork,
+    Group,
     Monitor,
     MutexNetwork,
     SensorModel,
@@ -23,9 +26,12 @@ from executive.belief import (
 )
 from executive.belief.action_model import process_noise
 from executive.domain.loader import Domain
-from executive.errors import OptionError
+from executive.errors import DomainError, OptionError
+from executive.planning.invariants import broken, contradicted
 from executive.planning.mutex_groups import find_mutexes
 from executive.planning.state_listing import groups_of, list_states
+
+log = logging.getLogger(__name__)
 
 
 def open_monitor(
@@ -57,10 +63,42 @@ def open_monitor(
     found = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
     # Over listed states nothing says which of their atoms are hidden.
     space = None if domain.task.visible else list_states(domain.parsed, found)
-    network = MutexNetwork(domain.task.atoms, groups_of(found, space))
+    network = _network(domain, groups_of(found, space))
     actions = ActionModel(counts, process_noise(len(domain.task.atoms))) if config.memory else None
     carried, visibility = domain.looking.carried, domain.task.visibility
     return BayesMonitor(network, sensor, actions, thresholds, carried, space, witnesses, visibility)
+
+
+def _network(domain: Domain, groups: tuple[Group, ...]) -> MutexNetwork:
+    """Return the task's atoms with what is known of its states."""
+    stated = domain.parsed.invariants
+    if not stated:
+        return MutexNetwork(domain.task.atoms, groups)
+    check_invariants(domain, groups)
+    try:
+        network = ConstrainedNetwork(domain.task.atoms, groups, tuple(stated.values()))
+    except ValueError:
+        raise DomainError("no state at all keeps these", file=domain.files[0], key="invariants") from None
+    for name, each in stated.items():
+        if not network.unused_among(each):
+            continue
+        log.warning("invariant %s ties too many atoms together; answers are not made consistent with it", name)
+    return network
+
+
+def check_invariants(domain: Domain, groups: Sequence[Group]) -> None:
+    """Check what a domain states that every state keeps.
+
+    Raises:
+        DomainError: the problem's :init contradicts it, or an action breaks it.
+    """
+    if (name := contradicted(domain.parsed)) is not None:
+        message = f"is contradicted by the :init of {domain.files[2].name}"
+        raise DomainError(message, file=domain.files[0], key=f"invariants.{name}")
+    if (found := broken(domain.parsed, groups)) is not None:
+        where = ", ".join(found.before.literals()[:6])
+        message = f"{found.step} breaks it where {where}; what rules that out, if anything, is an invariant, too"
+        raise DomainError(message, file=domain.files[0], key=f"invariants.{found.name}")
 
 
 def _sensor_model(

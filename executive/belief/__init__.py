@@ -6,6 +6,7 @@ A monitor makes the answers consistent with the task's mutex groups and combines
 
 from executive.belief.action_model import ActionModel, Chances
 from executive.belief.bayes_filter import BayesMonitor
+from executive.belief.constrained import ConstrainedNetwork
 from executive.belief.interface import Judgement, Memory, Monitor, Thresholds
 from executive.belief.mutex_inference import Group, MutexNetwork
 from executive.belief.sensor_model import EXACT, ErrorModel, SensorModel
@@ -18,6 +19,7 @@ __all__ = [
     "ActionModel",
     "BayesMonitor",
     "Chances",
+    "ConstrainedNetwork",
     "ErrorModel",
     "Group",
     "Judgement",

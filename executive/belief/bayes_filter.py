@@ -22,6 +22,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from executive.belief.action_model import ActionModel, Chances, affected, skill_evidence, with_effects
+from executive.belief.constrained import ConstrainedNetwork
 from executive.belief.interface import Judgement, Thresholds
 from executive.belief.last_known import LastKnown
 from executive.belief.mutex_inference import Group, MutexNetwork
@@ -344,6 +345,8 @@ class BayesMonitor:
                 log_true - math.fsum(none[group] for group in cluster) / len(cluster) for cluster in clusters
             )
             weights[atom] += (1 - len(clusters)) * (log_true - log_false)
+        if isinstance(self.network, ConstrainedNetwork):
+            weights = self.network.fitted(weights, clipped)
         return Weighted.of(self.network, weights)
 
     def _evidence(self, memory: BeliefState) -> dict[Atom, float]:

@@ -123,7 +123,7 @@ class MutexNetwork:
             turns.append(tuple(picks))
         object.__setattr__(self, "_picks_of", tuple(turns))
         object.__setattr__(self, "_ungrouped", tuple(index for index in range(len(self.atoms)) if index not in seen))
-        self.solve({})
+        MutexNetwork.solve(self, {})
         if len(self.groups) > 1:
             wide = WideFrontier.of(self._picks, len(self._picks_of), MAX_FRONTIER)
             object.__setattr__(self, "_wide", wide if wide is not None and wide.width >= WIDE else None)

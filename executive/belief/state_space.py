@@ -73,7 +73,12 @@ class StateSpace:
             row = np.zeros(len(known), dtype=np.bool_)
             row[[position[atom] for atom in state]] = True
             rows.append(row)
-        return cls(known, _unique(_pack(np.array(rows, dtype=np.bool_).reshape(len(rows), len(known)))))
+        return cls.from_rows(known, np.array(rows, dtype=np.bool_).reshape(len(rows), len(known)))
+
+    @classmethod
+    def from_rows(cls, atoms: Sequence[Atom], rows: BoolArray) -> StateSpace:
+        """Return the space of these states: (N, atoms), whether each of the sorted atoms is true."""
+        return cls(tuple(atoms), _unique(_pack(rows)))
 
     @classmethod
     def reachable(
@@ -339,6 +344,11 @@ class _Actions:
                         derived[atom] = column | derived[atom]
                         changed = True
         return derived
+
+
+def truths(condition: Condition, atoms: Sequence[Atom], states: BoolArray) -> BoolArray:
+    """Return in which of the states, (N, atoms), a condition holds, (N,)."""
+    return _Actions(atoms, (), NO_RULES).truth(condition, states)
 
 
 def _width(atoms: int) -> int:

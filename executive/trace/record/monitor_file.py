@@ -16,6 +16,7 @@ from executive.belief import (
     ActionModel,
     BayesMonitor,
     Chances,
+    ConstrainedNetwork,
     ErrorModel,
     Group,
     Monitor,
@@ -85,6 +86,7 @@ class _Fused:
     """How derived atoms follow from those of the listed states, or from those that say what can be seen."""
     witnesses: Mapping[str, _Witness] = field(default_factory=dict)
     visible: Mapping[Atom, Condition] = field(default_factory=dict)
+    constraints: tuple[Condition, ...] = ()
 
 
 _KINDS: Mapping[str, type] = {"plain": _Plain, "fused": _Fused}
@@ -146,6 +148,8 @@ def _fused(monitor: BayesMonitor) -> _Fused:
     witnesses = {name: _Witness(_kept(each.sensor), each.shared) for name, each in monitor.witnesses.items()}
     eye = _kept(monitor.sensor_model)
     kept = _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried, witnesses=witnesses)
+    if isinstance(monitor.network, ConstrainedNetwork):
+        kept = replace(kept, constraints=monitor.network.constraints)
     if monitor.visibility:
         seen = monitor.visibility
         kept = replace(kept, visible=seen.conditions, rules=seen.rules.rules)
@@ -205,6 +209,8 @@ def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
         actions = ActionModel(counts, kept.unrest)
     carried = {action: (said.predicate, said.positions) for action, said in kept.carried.items()}
     network = MutexNetwork(tuple(atoms), kept.groups)
+    if kept.constraints:
+        network = ConstrainedNetwork(tuple(atoms), kept.groups, kept.constraints)
     space = _listed(kept.states, atoms, kept.rules) if kept.states else None
     witnesses = {name: WitnessModel(_sensor(each.sensor), each.shared) for name, each in kept.witnesses.items()}
     visibility = Visibility(kept.visible, DerivedRules(kept.rules)) if kept.visible else Visibility()

@@ -56,11 +56,22 @@ def test_what_the_goal_has_hidden_is_claimed_because_it_was_seen_before(config: 
     assert causes(seen)[-2:] == [Reason.GOAL_SEEN, Reason.GOAL_RECALLED]
 
 
-def test_a_goal_that_hangs_on_what_cannot_be_seen_is_gone_to_see(config: RunConfig) -> None:
-    """It holds from the start. It is believed, as it is most probable, but not claimed before it was seen."""
-    summary, seen, _ = play(replace(config, problem="is-it-there"))
+def test_a_goal_that_hangs_on_what_cannot_be_seen_is_gone_to_see(config: RunConfig, tmp_path: Path) -> None:
+    """It holds from the start. It is believed, as it is most probable, but not claimed before it was seen: nobody says
+    here that the lemon has to be somewhere, so that to have seen it nowhere else is not enough."""
+    folder = tmp_path / "drawers"
+    shutil.copytree(DRAWERS, folder)
+    file = folder / "domain.toml"
+    file.write_text(file.read_text().partition("[invariants]")[0])
+    summary, seen, _ = play(replace(config, domain=str(folder), problem="is-it-there"))
     assert (summary["outcome"], summary["goal_seen"], summary["actions"]) == (OutcomeKind.GOAL_REACHED, True, 1)
     assert Reason.TO_BE_SEEN in causes(seen)
+
+
+def test_where_all_other_places_are_seen_to_be_empty_nothing_has_to_be_opened(config: RunConfig) -> None:
+    """As it is stated that the lemon is somewhere."""
+    summary, _, _ = play(replace(config, problem="is-it-there"))
+    assert (summary["outcome"], summary["goal_true"], summary["actions"]) == (OutcomeKind.GOAL_REACHED, True, 0)
 
 
 def test_a_model_that_speaks_of_what_it_cannot_see_is_not_believed(config: RunConfig) -> None:
