@@ -249,15 +249,23 @@ def checked_stage(domain: Domain) -> InitialState:
 
 
 def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom, str]:
-    """Return the atoms that cannot be made true because an item is larger than the table, each with the reason.
+    """Return the atoms that cannot be made true because of an item's size, each with the reason: it is larger than the
+    table, or the gripper can take it in no pose.
 
     Raises:
-        DomainError: no atom of the goal can be reached.
+        DomainError: no atom of the goal can be reached, or an item has to be moved for it that cannot be taken.
     """
-    from executive.sim.initial_state import too_large
+    from executive.sim.initial_state import cannot_be_taken, too_large
 
-    why = too_large(domain.task.atoms, truth.relation_kinds, world.shapes, world.spec)
-    goal = domain.task.goal.literals
+    task, kinds = domain.task, truth.relation_kinds
+    stays = cannot_be_taken(task.atoms, kinds, world.shapes)
+    for atom, value in task.goal.facts.items():
+        if value and atom in stays and atom not in task.declared:
+            world.close()
+            raise DomainError(stays[atom], file=domain.scene, key="item")
+    why = too_large(task.atoms, kinds, world.shapes, world.spec)
+    why |= {atom: reason for atom, reason in stays.items() if kinds[atom.predicate].name == "gripping"}
+    goal = task.goal.literals
     if goal is not None and goal.true and why.keys() >= goal.true and not goal.false:
         world.close()
         raise DomainError("; ".join(why[atom] for atom in sorted(goal.true)), file=domain.files[2], key=":goal")

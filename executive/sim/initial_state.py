@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from executive.errors import DomainError, nearest
 from executive.relations.kinds import RelationKind
-from executive.sim import footprint
+from executive.sim import footprint, graspable
 from executive.sim.scene import ItemShape
 from executive.sim.spec import SceneSpec
 from executive.types import Atom, Facts
@@ -139,6 +139,20 @@ def too_large(
                 there = footprint.top(tables[name])
                 found[atom] = f"{item}, {size} cm, does not fit on {name}, {there}, whichever way it lies"
     return found
+
+
+def cannot_be_taken(
+    atoms: Iterable[Atom], kinds: Mapping[str, RelationKind], shapes: Mapping[str, ItemShape]
+) -> dict[Atom, str]:
+    """The atoms that are about an item that the gripper can take in no pose, as held or as put somewhere, each with the
+    reason."""
+    why = {item: reason for item, shape in shapes.items() if (reason := graspable.why_not(shape)) is not None}
+    moved = {atom: kinds[atom.predicate].about(atom)[0] for atom in atoms if kinds[atom.predicate].name in _MOVED}
+    return {atom: why[item] for atom, item in moved.items() if item in why}
+
+
+_MOVED = frozenset({"on", "directly-on", "in-region", "gripping"})
+"""The relations whose first argument is an item that is taken to where they hold."""
 
 
 def check_initial_state(declared: Declared, truth: Callable[[Sequence[Atom]], Facts], file: Path) -> None:

@@ -106,3 +106,17 @@ def test_the_rest_of_the_goal_is_reached_without_a_try_at_what_does_not_fit(work
     assert (ended.outcome, ended.unreached) == (OutcomeKind.PARTIAL, ("on(crate,tray)",))
     assert ended.actions == 2
     assert WHY in [cause.detail for cause in ended.causes]
+
+
+def test_an_item_that_the_gripper_cannot_take_is_told_where_it_has_to_be_moved(workshop: Path) -> None:
+    scene = workshop / "scene.toml"
+    scene.write_text(scene.read_text().replace("size = [0.13, 0.06, 0.10]", "size = [0.06, 0.09, 0.003]"))
+    with pytest.raises(DomainError) as caught:
+        prepared(workshop, PLACED, "(on crate light-table)")
+    assert caught.value.message.startswith("crate, 6.0 x 9.0 x 0.3 cm, is too thin to be taken")
+    assert (caught.value.file, caught.value.key) == (scene, "item")
+    with prepared(workshop, PLACED, "(on crate dark-table) (on red-block light-table)") as run:
+        held = run.executive.queries.planner.plan(
+            run.truth.of(run.domain.task.atoms), Condition.parse("holding(crate)")
+        )
+        assert isinstance(held, NoPlan)
