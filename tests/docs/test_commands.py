@@ -37,12 +37,14 @@ INSTEAD = {
     "--alpha 0.05": "--alpha 0.5",  # all that two looks can promise
     "train grocery": "train grocery --recipe smallest --jobs 1",
     "benchmarks/campaigns/grasp-drop.toml": "small.toml",
+    "benchmarks/campaigns/blocksworld.toml": "small.toml",
     "campaigns/grasp-drop": "campaigns/small",
     "--seeds 20": "--seeds 1 --jobs 1",
     "http://127.0.0.1:8000/v1": "SERVER",
 }
 CODES = (
     (r"inspect \S+$", {3}),  # there is no screen here, and it says so
+    (r"--renderer mitsuba", {0, 3}),  # where the extra is missing, it says so
     (r"--estimator none", {1}),  # nobody looks
     (r"--engine ray", {0, 2, 3}),  # there is no cluster here, and it says so; or nothing is left to play
     (r"resume", {2}),  # the run in the example has come to its end, and it says so
