@@ -11,15 +11,18 @@ Whatever passes can take its place in the loop.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from executive.belief import Monitor
 from executive.core.attention import same_view
 from executive.core.compare import progress
 from executive.errors import InputError
 from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, SkillContext, World
+from executive.trace.record import monitor_file
 from executive.types import (
     Atom,
     Belief,
@@ -178,6 +181,80 @@ class EstimatorContract(ABC):
         belief = estimator.estimate(observation, [])
         assert not belief.probability
         assert not belief.unanswered
+
+
+class MonitorContract(ABC):
+    """State estimates about all of a task's atoms, and values for a memory."""
+
+    @abstractmethod
+    def make(self) -> Monitor: ...
+
+    @abstractmethod
+    def moments(self) -> tuple[Facts, Step, Facts]:
+        """What is so of every atom, a step, and what is so after it."""
+
+    def look(self, facts: Mapping[Atom, bool], number: int = 0) -> Belief:
+        """An estimator that never errs and is sure."""
+        return Belief(number, {atom: float(value) for atom, value in facts.items()}, source="sure")
+
+    def test_what_is_seen_is_believed_and_what_is_planned_from(self) -> None:
+        first, step, second = self.moments()
+        monitor = self.make()
+        memory = monitor.begin()
+        for number, facts in enumerate((first, second)):
+            memory, judgement = monitor.looked(memory, self.look(facts, number), number)
+            assert judgement.seen == facts
+            assert judgement.state == facts
+            assert judgement.belief.observation_id == number
+            assert not judgement.belief.unanswered
+            assert all(judgement.age(atom) == 0 for atom in facts)
+            memory = monitor.acted(memory, step, SkillResult(step, SkillStatus.DONE))
+
+    def test_an_estimate_is_about_every_atom_whatever_was_asked(self) -> None:
+        first, _, _ = self.moments()
+        monitor, atoms = self.make(), sorted(first)
+        for some in (atoms, atoms[:1], []):
+            _, judgement = monitor.looked(monitor.begin(), self.look({atom: first[atom] for atom in some}), 0)
+            assert judgement.probability.keys() == set(atoms)
+            assert all(0.0 <= value <= 1.0 for value in judgement.probability.values())
+            assert set(judgement.state) == set(atoms)
+            assert judgement.belief.probability.keys() | judgement.belief.unanswered == set(atoms)
+            assert set(judgement.seen) <= set(judgement.belief.probability)
+            assert set(some) <= set(judgement.seen)
+
+    def test_what_was_seen_before_an_action_is_not_seen_after_it(self) -> None:
+        first, step, _ = self.moments()
+        monitor = self.make()
+        memory, _ = monitor.looked(monitor.begin(), self.look(first), 0)
+        memory = monitor.acted(memory, step, SkillResult(step, SkillStatus.DONE))
+        _, judgement = monitor.looked(memory, Belief(1, {}, frozenset(first), "blind"), 1)
+        assert not judgement.seen
+        assert judgement.belief.unanswered == set(first)
+
+    def test_the_same_calls_give_the_same_values_in_any_order_of_the_atoms(self) -> None:
+        first, step, second = self.moments()
+        atoms, said = sorted(first), []
+        for all_atoms, some in ((atoms, atoms[::2]), (atoms[::-1], atoms[::2][::-1])):
+            monitor = self.make()
+            memory, _ = monitor.looked(monitor.begin(), self.look({atom: first[atom] for atom in all_atoms}), 0)
+            acted = monitor.acted(memory, step, SkillResult(step, SkillStatus.DONE))
+            for _ in range(2):  # a memory is a value: what came of it once does not change it
+                _, judgement = monitor.looked(acted, self.look({atom: second[atom] for atom in some}, 1), 1)
+                said.append((dict(judgement.probability), judgement.seen, judgement.state))
+        assert all(each[1:] == said[0][1:] for each in said)
+        assert all(each[0] == pytest.approx(said[0][0]) for each in said)
+
+    def test_it_comes_back_from_a_record(self, tmp_path: Path) -> None:
+        first, step, second = self.moments()
+        monitor = self.make()
+        assert monitor_file.save(tmp_path, monitor) is not None
+        judged = []
+        for each in (monitor, monitor_file.load(tmp_path, sorted(first))):
+            memory, _ = each.looked(each.begin(), self.look(first), 0)
+            memory = each.acted(memory, step, SkillResult(step, SkillStatus.DONE))
+            _, judgement = each.looked(memory, self.look(second, 1), 1)
+            judged.append((dict(judgement.probability), judgement.seen, judgement.state, judgement.came_about))
+        assert judged[0] == judged[1]
 
 
 class WorldContract(ABC):

@@ -127,6 +127,10 @@ class EstimatorConfig:
                 raise OptionError(f"there is no camera {name!r}; {nearest(name, there)}", option="cameras")
 
 
+PLAIN, FUSED = "plain", "fused"
+"""The kinds of monitors: each answer thresholded on its own; consistent, and fused with earlier ones."""
+
+
 @dataclass(frozen=True, slots=True)
 class MonitorConfig:
     """The options of a monitor.
@@ -153,6 +157,11 @@ class MonitorConfig:
     ] = None
     memory: Annotated[bool, Option("Combine looks with earlier ones.")] = True
     trust: Annotated[Path | None, Option("A file with the model's error rates.")] = None
+
+    @property
+    def kind(self) -> str:
+        """The kind of monitor that these options are for: `PLAIN` or `FUSED`."""
+        return FUSED if self.threshold is None else PLAIN
 
     def __post_init__(self) -> None:
         check(self)

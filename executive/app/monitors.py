@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from executive.app import sensor_fit
-from executive.app.config import EstimatorConfig, MonitorConfig
+from executive.app.config import PLAIN, EstimatorConfig, MonitorConfig
 from executive.belief import (
     EXACT,
     ActionModel,
@@ -30,6 +30,7 @@ from executive.errors import DomainError, OptionError
 from executive.planning.invariants import broken, contradicted
 from executive.planning.mutex_groups import find_mutexes
 from executive.planning.state_listing import groups_of, list_states
+from executive.types import Atom
 
 log = logging.getLogger(__name__)
 
@@ -55,8 +56,8 @@ def open_monitor(
         DomainError: the domain's outcomes have a mistake.
         MissingError: Fast Downward's translator is not installed.
     """
-    if config.threshold is not None:
-        return ThresholdMonitor(domain.task.atoms, Thresholds(config.threshold, config.threshold))
+    if config.kind == PLAIN:
+        return plain_monitor(config, domain.task.atoms)
     # What is cheap to check comes first.
     counts = {} if domain.outcomes is None else sensor_fit.load_outcomes(domain.outcomes, domain.parsed.actions)
     sensor, thresholds = _sensor_model(config, domain, estimator, oracle or EXACT)
@@ -99,6 +100,12 @@ def check_invariants(domain: Domain, groups: Sequence[Group]) -> None:
         where = ", ".join(found.before.literals()[:6])
         message = f"{found.step} breaks it where {where}; what rules that out, if anything, is an invariant, too"
         raise DomainError(message, file=domain.files[0], key=f"invariants.{found.name}")
+
+
+def plain_monitor(config: MonitorConfig, atoms: Sequence[Atom]) -> ThresholdMonitor:
+    """Build the monitor that needs nothing but the atoms."""
+    assert config.threshold is not None
+    return ThresholdMonitor(atoms, Thresholds(config.threshold, config.threshold))
 
 
 def _sensor_model(

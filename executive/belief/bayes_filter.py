@@ -19,7 +19,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from executive.belief.action_model import ActionModel, Chances, affected, skill_evidence, with_effects
 from executive.belief.constrained import ConstrainedNetwork
@@ -139,6 +139,7 @@ class BayesMonitor:
         visibility: when atoms can be seen. What is said of one that is not believed to be visible is not used.
     """
 
+    kind: ClassVar[str] = "fused"
     network: MutexNetwork
     sensor_model: SensorModel = field(default_factory=SensorModel)
     actions: ActionModel | None = field(default_factory=ActionModel)

@@ -93,7 +93,10 @@ class Judgement:
 
 
 class Monitor(Protocol):
-    """Turns an estimator's raw answers into state estimates. Deterministic; it never looks by itself."""
+    """Turns an estimator's raw answers into state estimates. Deterministic; it never looks by itself.
+
+    One of Executive's own has a `kind`, too: the word for it in a run's configuration and record.
+    """
 
     def begin(self) -> Memory:
         """Return the memory of a run in which nothing was seen yet."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import ClassVar
 
 from executive.belief.interface import Judgement, Thresholds
 from executive.belief.last_known import LastKnown
@@ -29,6 +30,7 @@ class ThresholdMonitor:
         thresholds: one pair for all predicates (the paper: both 0.5).
     """
 
+    kind: ClassVar[str] = "plain"
     atoms: Sequence[Atom]
     thresholds: Thresholds = field(default_factory=Thresholds)
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from executive.app.config import MonitorConfig
-from executive.app.monitors import open_monitor
-from executive.belief import Monitor, ThresholdMonitor, Thresholds
+from executive.app.monitors import open_monitor, plain_monitor
+from executive.belief import Monitor, ThresholdMonitor
 from executive.errors import InputError
 from executive.replay.engine import Replay, replay
 from executive.replay.record import Record, same_causes
@@ -100,13 +100,13 @@ def compare_run(folder: Path, wanted: MonitorConfig | None = None) -> Comparison
 
 def _opened(wanted: MonitorConfig, folder: Path, record: Record) -> Monitor:
     """The monitor that a run with this configuration would have had. Only a threshold needs nothing but the atoms."""
-    if wanted.threshold is not None:
-        return ThresholdMonitor(record.started.task.atoms, Thresholds(wanted.threshold, wanted.threshold))
-    from executive.app.config import EstimatorConfig, read_config
+    from executive.app.config import PLAIN, EstimatorConfig, read_config
     from executive.app.estimators import with_default_model
     from executive.app.worlds import oracle_sensor_model
     from executive.domain.loader import load_domain
 
+    if wanted.kind == PLAIN:
+        return plain_monitor(wanted, record.started.task.atoms)
     config = read_config(folder)
     domain = load_domain(config.domain, config.problem)
     if domain.task.atoms != record.started.task.atoms:

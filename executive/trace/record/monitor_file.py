@@ -6,9 +6,10 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -89,18 +90,12 @@ class _Fused:
     constraints: tuple[Condition, ...] = ()
 
 
-_KINDS: Mapping[str, type] = {"plain": _Plain, "fused": _Fused}
-
-
 def save(run: Path | str, monitor: Monitor) -> Path | None:
     """Write `monitor.json` into the run's folder. A monitor that is none of Executive's own is not kept."""
-    match monitor:
-        case ThresholdMonitor():
-            kind, kept = "plain", encode(_Plain(monitor.thresholds))
-        case BayesMonitor():
-            kind, kept = "fused", encode(_fused(monitor))
-        case _:
-            return None
+    kind = next((kind for kind, each in _KINDS.items() if isinstance(monitor, each.monitor)), None)
+    if kind is None:
+        return None
+    kept = encode(_KINDS[kind].write(monitor))
     text = json.dumps({"format": _FORMAT, "kind": kind, **kept}, indent=1) + "\n"
     return write_atomic(Path(run) / FILE, text.encode())
 
@@ -120,8 +115,8 @@ def load(run: Path | str, atoms: Sequence[Atom]) -> Monitor:
             raise ValueError(f"expected format {_FORMAT}")
         if said.get("kind") not in _KINDS:
             raise ValueError(f"no monitor {said.get('kind')!r}; {nearest(str(said.get('kind')), _KINDS)}")
-        kept = decode(_KINDS[said["kind"]], said)
-        return ThresholdMonitor(atoms, kept.thresholds) if isinstance(kept, _Plain) else _monitor(kept, atoms)
+        kind = _KINDS[said["kind"]]
+        return kind.read(decode(kind.kept, said), atoms)
     except ValueError as error:
         raise InputError(f"is damaged: {error}", file=file) from None
 
@@ -215,3 +210,26 @@ def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
     witnesses = {name: WitnessModel(_sensor(each.sensor), each.shared) for name, each in kept.witnesses.items()}
     visibility = Visibility(kept.visible, DerivedRules(kept.rules)) if kept.visible else Visibility()
     return BayesMonitor(network, _sensor(kept.eye), actions, kept.thresholds, carried, space, witnesses, visibility)
+
+
+class _Kind(NamedTuple):
+    """A kind of monitor, what is kept of one, and how it is written and read."""
+
+    monitor: type
+    kept: type
+    write: Callable[[Any], Any]
+    read: Callable[[Any, Sequence[Atom]], Monitor]
+
+
+_KINDS: Mapping[str, _Kind] = {
+    ThresholdMonitor.kind: _Kind(
+        ThresholdMonitor,
+        _Plain,
+        lambda monitor: _Plain(monitor.thresholds),
+        lambda kept, atoms: ThresholdMonitor(atoms, kept.thresholds),
+    ),
+    BayesMonitor.kind: _Kind(BayesMonitor, _Fused, _fused, _monitor),
+}
+
+KINDS = frozenset(_KINDS)
+"""The kinds of monitors that a record can keep."""
