@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -194,19 +195,24 @@ def spots_for(attempt: Attempt, held: Held, target: Surface, most: int = _MOST_S
     the first `most` that are found, the best.
 
     Raises:
-        SkillError: DOES_NOT_FIT where it is larger than the table as it is held, UNREACHABLE where there are none.
+        SkillError: DOES_NOT_FIT where it is larger than the table as it is held and tipped onto its side, UNREACHABLE
+            where there are none.
     """
     shape = attempt.handle.shapes[held.item]
     others = {name: pose for name, pose in attempt.obstacles().items() if name not in held.carried}
-    upright = surfaces.resting(attempt.arm.kinematics.forward(attempt.body.joints()) @ held.in_hand, shape)
-    if not surfaces.fits(upright, shape, target):
+    hand_now = attempt.arm.kinematics.forward(attempt.body.joints())
+    as_held = surfaces.resting(hand_now @ held.in_hand, shape)
+    # An item that does not fit as it is held is tipped onto its side.
+    uprights = [as_held] if surfaces.fits(as_held, shape, target) else surfaces.tipped(as_held, hand_now[:3, 0])
+    uprights = [upright for upright in uprights if surfaces.fits(upright, shape, target)]
+    if not uprights:
         raise SkillError(SkillStatus.DOES_NOT_FIT, f"{held.item} does not fit on {target}")
 
     def free(way: Way) -> bool:
         # The lowest points are left out: there the item is about to touch the surface.
         return is_free(attempt, way.into[:-2], held) and is_free(attempt, [*way.into, *way.out], ignored=held.carried)
 
-    def at(spot: FloatArray, yaw: float) -> Way | None:
+    def at(upright: FloatArray, spot: FloatArray, yaw: float) -> Way | None:
         pose = np.eye(4)
         pose[:3, :3] = Rotation.from_euler("z", yaw).as_matrix() @ upright
         pose[:3, 3] = spot - pose[:3, :3] @ shape.centre
@@ -214,9 +220,10 @@ def spots_for(attempt: Attempt, held: Held, target: Surface, most: int = _MOST_S
         return reach(attempt, hand, _up(LOWER), RETREAT[:, None] * -hand[:3, 2], free)
 
     found: list[Way] = []
-    for search in (surfaces.spots,) if target.is_item else (surfaces.spots, surfaces.tight_spots):
+    searches = (surfaces.spots,) if target.is_item else (surfaces.spots, surfaces.tight_spots)
+    for search, upright in product(searches, uprights):
         for spot, yaws in search(upright, shape, target, others, attempt.handle.shapes, attempt.context.rng):
-            found += [way for yaw in yaws if (way := at(spot, float(yaw))) is not None]
+            found += [way for yaw in yaws if (way := at(upright, spot, float(yaw))) is not None]
             if len(found) >= most or (found and target.is_item):
                 break
         if found:

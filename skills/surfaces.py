@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from executive.sim import footprint
 from executive.sim.scene import ItemShape
@@ -98,6 +99,13 @@ def resting(item: FloatArray, shape: ItemShape) -> FloatArray:
         return _turned_onto(axle, target) @ rotation
     nearest = int(np.argmax(np.abs(rotation[2])))
     return _turned_onto(rotation[:, nearest], np.sign(rotation[2, nearest]) * _UP) @ rotation
+
+
+def tipped(rotation: FloatArray, axis: FloatArray) -> list[FloatArray]:
+    """The rotations (3, 3) of an item that rests with `rotation`, tipped onto its side by a quarter turn about a
+    horizontal `axis` (3,), such as the line between the fingers."""
+    flat = np.array([axis[0], axis[1], 0.0]) / np.hypot(axis[0], axis[1])
+    return [Rotation.from_rotvec(side * 0.5 * np.pi * flat).as_matrix() @ rotation for side in (1.0, -1.0)]
 
 
 def _turned_onto(start: FloatArray, end: FloatArray) -> FloatArray:

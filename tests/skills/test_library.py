@@ -154,6 +154,20 @@ def test_what_is_in_the_way_of_the_fingers_is_moved_aside() -> None:
     assert np.linalg.norm(robot.world.pose("milk-carton")[:2] - before[:2]) > 0.04
 
 
+def test_what_fits_on_its_end_alone_is_stood_on_its_end(tmp_path: Path) -> None:
+    bar = '[[item]]\nname = "bar"\nshape = "box"\nsize = [0.05, 0.14, 0.05]\nmass = 0.05\n'
+    tray = '[[table]]\nname = "tray"\ncentre = [0.45, 0.0, 0.83]\nsize = [0.09, 0.09, 0.03]\n'
+    file = tmp_path / "scene.toml"
+    file.write_text(f"{SCENE.read_text(encoding='utf-8')}\n{bar}{tray}", encoding="utf-8")
+    objects = {"bar": "item", "tray": "table", **dict.fromkeys(TABLES, "table")}
+    robot = Robot(MujocoWorld(file, objects, placed={"bar": "wood-table"}))
+    assert robot.pick("bar", "wood-table").done
+    result = robot.place("bar", "tray")
+    assert result.done, result.reason
+    assert robot.so("on-table(bar,tray)")
+    assert robot.world.pose("bar")[2] == pytest.approx(0.83 + 0.07, abs=0.003)
+
+
 def test_where_others_leave_no_room_it_is_told_which(tmp_path: Path) -> None:
     """A tray of 11 x 11 cm in reach, with a lemon in the middle: the cereal box fits there once that is gone."""
     tray = '[[table]]\nname = "tray"\ncentre = [0.40, 0.0, 0.83]\nsize = [0.11, 0.11, 0.03]\n'
