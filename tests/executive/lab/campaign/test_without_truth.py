@@ -39,7 +39,7 @@ class Silence:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.silent, self.refused, self.scored = False, 0, 0
         for kind, names in (
-            (MujocoWorld, ("pose", "poses", "gripped", "touched_by", "frame")),
+            (MujocoWorld, ("pose", "poses", "gripped", "touched_by")),
             (Truth, ("of", "scene")),
             (Solids, ("scene",)),
         ):
@@ -84,16 +84,15 @@ def test_a_campaign_needs_the_truth_for_its_scores_alone(tmp_path: Path, monkeyp
     rows = [play(episode) for episode in read_campaign(tmp_path / "campaign.toml").episodes()]
     assert len(rows) == 4
     assert [(row.outcome, row.goal_seen, row.goal_true) for row in rows] == [("goal-reached", True, True)] * 4
-    assert [len(row.strikes) for row in rows] == [0, 0, 1, 1] or sum(len(row.strikes) for row in rows) == 2
+    assert sum(len(row.strikes) for row in rows) == 2
     assert silence.refused == 0
     assert silence.scored > 100
 
 
 @pytest.mark.slow
 def test_who_asks_all_the_same_is_caught(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same with the oracle, which asks at its first look: the run breaks off."""
+    """The same with the oracle, which asks at its first look: the run crashes."""
     (tmp_path / "campaign.toml").write_text(CAMPAIGN.replace("vlm = {}", "oracle = {}"))
     silence, (episode, *_) = Silence(monkeypatch), read_campaign(tmp_path / "campaign.toml").episodes()
-    with pytest.raises(AssertionError, match="asked for the truth"):
-        Simulated(tmp_path)(episode)
+    assert Simulated(tmp_path)(episode).outcome == "crashed"
     assert silence.refused > 0
