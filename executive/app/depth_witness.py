@@ -21,7 +21,7 @@ ERRORS: Mapping[str, ErrorModel] = {
     "gripping": ErrorModel(0.003, 0.02),
     "gripper-empty": ErrorModel(0.02, 0.016),
 }
-"""By relation, how often it is wrong on the estimated scene: of 225 to 633 answers about items none was, which counts
+"""By relation, how often it is wrong on the estimated scene: of 36 to 633 answers none was, which counts
 with ten more at 5 % (`python -m benchmarks.relations --depth 9`). Relations that were not measured are wrong at 5 %."""
 
 
