@@ -405,7 +405,7 @@ class BayesMonitor:
     def _seen(self, marginal: Mapping[Atom, float], asked: Mapping[Atom, Sequence[float]]) -> Facts:
         """Return the truth of the answered atoms at their thresholds, and what follows from it by the mutex groups,
         and in the listed states."""
-        answered = (atom for atom, values in asked.items() if max(map(abs, values)) >= LEAST_EVIDENCE)
+        answered = {atom for atom, values in asked.items() if max(map(abs, values)) >= LEAST_EVIDENCE}
         truth = {atom: self._truth(atom, marginal[atom]) for atom in answered}
         seen = {atom: value for atom, value in truth.items() if value is not None}
         for group in self.network.groups:
@@ -419,7 +419,7 @@ class BayesMonitor:
             seen |= {
                 atom: value
                 for atom, value in follows.items()
-                if atom not in asked and atom not in seen and self._truth(atom, marginal[atom]) is value
+                if atom not in answered and atom not in seen and self._truth(atom, marginal[atom]) is value
             }
         return Facts(seen)
 
