@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import random
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -248,17 +249,22 @@ def rows(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> It
         if run.looks:
             played.setdefault(run.model, []).append(run)
     known = {model: _halves(own) for model, own in played.items()}
-    # A run of every problem of every model comes before another seed, so that what was played so far says something.
-    for seed, monitor, model in itertools.product(range(seeds), (WHOLE, PLAIN), played):
-        for run in sorted(played[model], key=lambda run: run.unit):
-            key = (model, run.split, run.problem, seed, monitor)
-            if key not in done:
-                fitted, drawn = (half - habits([run.looks] if run in own else []) for half, own in known[model])
-                done[key] = play(run, problems.of(run), fitted, drawn, monitor, seed)
-                if kept is not None:
-                    with kept.open("a", encoding="utf-8") as file:
-                        file.write(json.dumps(asdict(done[key])) + "\n")
-            yield done[key]
+    units = sorted({run.unit for own in played.values() for run in own})
+    random.Random(0).shuffle(units)
+    of = {(run.model, run.unit): run for own in played.values() for run in own}
+    # Each problem is played with all models before the next one, so that what was played so far says something.
+    for seed, unit, model, monitor in itertools.product(range(seeds), units, played, (WHOLE, PLAIN)):
+        run = of.get((model, unit))
+        if run is None:
+            continue
+        key = (model, run.split, run.problem, seed, monitor)
+        if key not in done:
+            fitted, drawn = (half - habits([run.looks] if run in own else []) for half, own in known[model])
+            done[key] = play(run, problems.of(run), fitted, drawn, monitor, seed)
+            if kept is not None:
+                with kept.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(asdict(done[key])) + "\n")
+        yield done[key]
 
 
 def _halves(runs: Sequence[Run]) -> list[tuple[Habits, Sequence[Run]]]:

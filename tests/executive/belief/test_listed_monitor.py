@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from executive.belief import EXACT, ActionModel, BayesMonitor, ErrorModel, Group, MutexNetwork, SensorModel
 from executive.belief.interface import Judgement
 from executive.types import Atom, Belief, Facts, SkillResult, SkillStatus, Step
-from tests.executive.belief.piles import ATOMS, CUPS, STEPS, TRAYS, at, listed, on, piles, put, top
+from tests.executive.belief.piles import ATOMS, CUPS, START, STEPS, TRAYS, at, listed, on, piles, put, top
 
 SPACE = listed()
 GROUPS = tuple(Group(tuple(at(cup, tray) for tray in TRAYS)) for cup in CUPS)
@@ -108,3 +108,12 @@ def test_a_step_that_no_state_allows_changes_nothing() -> None:
     never = Step.strips("never", (), Facts({on("a", "b"): True, on("b", "a"): True}), Facts({top("a"): True}))
     memory = SURE.acted(memory, never, SkillResult(never, SkillStatus.DONE))
     assert SURE.looked(memory, answered(piles()[0]), 1)[1].state.true == piles()[0]
+
+
+def test_an_answer_too_weak_to_count_does_not_keep_what_follows_from_being_seen() -> None:
+    """This model says of nearly every cup that it is on top. What is on what it knows well, and so what is on top."""
+    weak = SensorModel({"top": ErrorModel(0.8, 0.05)}, ErrorModel(0.01, 0.01))
+    told = {atom: float(atom in START or atom.predicate == "top") for atom in ATOMS}
+    judgement = looked(BayesMonitor(NETWORK, weak, ActionModel(), space=SPACE), Belief(0, told), Belief(0, told))
+    assert judgement.seen.get(top("b")) is True
+    assert judgement.seen.get(top("a")) is False
