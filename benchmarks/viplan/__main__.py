@@ -4,8 +4,8 @@
 
 ANSWERS has one run of a model a line, PDDL maps the names of files to their texts. Which parts apply depends on the
 answers: whole states are decoded where first looks ask about everything (`--only decoding`), the closed loop is played
-where actions' names are the domain's (`--only loop`, which takes long; `--model`, `--seeds`), calibration and
-visibility are looked at wherever answers carry probabilities (`--only household`).
+where actions' names are the domain's (`--only loop`, which takes long; `--model`, `--seeds`, `--problems`), calibration
+and visibility are looked at wherever answers carry probabilities (`--only household`).
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ def main() -> int:
     parser.add_argument("--only", action="append", choices=PARTS, help="this part; repeat it for more")
     parser.add_argument("--model", action="append", help="only this model; repeat it for more")
     parser.add_argument("--seeds", type=int, default=4, help="runs of the closed loop for each problem")
+    parser.add_argument("--problems", type=int, help="how many problems the closed loop plays; all by default")
     parser.add_argument(
         "--out", type=Path, help="a file of JSON lines where the closed loop's runs are kept: it goes on"
     )
@@ -62,7 +63,7 @@ def measure(arguments: argparse.Namespace, runs: list[Any], tasks: Tasks) -> dic
         if show:
             print(f"== calibration and visibility\n{household.printed(document['household'])}\n")
     if "loop" in parts and is_complete:
-        document["loop"] = loop.measure(chosen, tasks, arguments.seeds, arguments.out)
+        document["loop"] = loop.measure(chosen, tasks, arguments.seeds, arguments.out, arguments.problems)
         if show:
             print(f"== closed loop (simulated: answers are drawn)\n{loop.printed(document['loop'])}\n")
     return document

@@ -236,8 +236,12 @@ def play(run: Run, problem: Problem, fitted: Habits, drawn: Habits, monitor: str
     )  # fmt: skip
 
 
-def rows(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> Iterator[Row]:
-    """Yield a row for each problem, monitor and seed of each model; those in the file are not played again."""
+def rows(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None, most: int | None = None) -> Iterator[Row]:
+    """Yield a row for each problem, monitor and seed of each model; those in the file are not played again.
+
+    Args:
+        most: so many problems are played, drawn once and for all; all of them by default.
+    """
     done: dict[tuple[Any, ...], Row] = {}
     if kept is not None and kept.exists():
         for line in kept.read_text(encoding="utf-8").splitlines():
@@ -249,14 +253,14 @@ def rows(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> It
         if run.looks:
             played.setdefault(run.model, []).append(run)
     known = {model: _halves(own) for model, own in played.items()}
-    units = sorted({run.unit for own in played.values() for run in own})
+    units = sorted({run.unit for run in runs})
     random.Random(0).shuffle(units)
     of = {(run.model, run.unit): run for own in played.values() for run in own}
     # Each problem is played with all models before the next one, so that what was played so far says something.
-    for seed, unit, model, monitor in itertools.product(range(seeds), units, played, (WHOLE, PLAIN)):
-        run = of.get((model, unit))
-        if run is None:
+    for seed, unit, model, monitor in itertools.product(range(seeds), units[:most], played, (WHOLE, PLAIN)):
+        if (model, unit) not in of:  # not every model was asked about every problem
             continue
+        run = of[model, unit]
         key = (model, run.split, run.problem, seed, monitor)
         if key not in done:
             fitted, drawn = (half - habits([run.looks] if run in own else []) for half, own in known[model])
@@ -273,10 +277,12 @@ def _halves(runs: Sequence[Run]) -> list[tuple[Habits, Sequence[Run]]]:
     return [(habits([run.looks for run in half]), half) for half in (own[::2], own[1::2])]
 
 
-def measure(runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None) -> list[dict[str, Any]]:
+def measure(
+    runs: Sequence[Run], tasks: Tasks, seeds: int, kept: Path | None, most: int | None = None
+) -> list[dict[str, Any]]:
     """Return a row for each model, with the shares of its runs of either monitor."""
     found: dict[str, list[Row]] = {}
-    for row in rows(runs, tasks, seeds, kept):
+    for row in rows(runs, tasks, seeds, kept, most):
         found.setdefault(row.model, []).append(row)
     return [_scores(model, members) for model, members in sorted(found.items())]
 
