@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +10,6 @@ import typer
 
 from executive.cli.app import REACHED
 from executive.cli.options import DomainName
-from executive.errors import InputError
 
 
 def problems(
@@ -24,12 +22,10 @@ def problems(
     as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
 ) -> int:
     """Make random problems of a domain that has a problems.toml, such as blocksworld."""
+    from executive.lab.config import read_range
     from executive.lab.problems import ProblemMaker, write
 
-    match = re.fullmatch(r"(\d{1,4})(?:-(\d{1,4}))?", objects.strip())
-    if match is None:
-        raise InputError(f"should be a number or a range such as 2-10, got {objects!r}", key="--objects")
-    maker = ProblemMaker(domain, int(match[1]), int(match[2] or match[1]), seed, subset)
+    maker = ProblemMaker(domain, *read_range(objects), seed, subset)
     made = list(maker.problems(count))
     files = write(made, out)
     if as_json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,18 @@ MOST_POINTS = 20
 """Completed actions before a reset (Appendix D, step 4)."""
 
 
+def read_range(said: str) -> tuple[int, int]:
+    """Return the two numbers of a range such as 2-10; a single number is both.
+
+    Raises:
+        OptionError: it is none.
+    """
+    match = re.fullmatch(r"\s*(\d{1,4})(?:-(\d{1,4}))?\s*", said)
+    if match is None:
+        raise OptionError(f"should be a number or a range such as 2-10, got {said!r}", option="objects")
+    return int(match[1]), int(match[2] or match[1])
+
+
 @dataclass(frozen=True, slots=True)
 class CollectConfig:
     """The options of a collection.
@@ -28,6 +41,7 @@ class CollectConfig:
 
     Attributes:
         jobs: the number of processes; the data does not depend on it.
+        objects: a number or a range; without it, each episode has the problem's own objects, on tables at random.
         per_episode: the number of completed actions before a reset.
 
     Raises:
@@ -41,8 +55,12 @@ class CollectConfig:
     seed: Annotated[int, Option("Fixes everything, however many processes share the work.", least=0)] = 0
     home_pose: Annotated[bool, HOME_POSE] = True
     grasp_noise: Annotated[float, Option("Standard deviation of the grasp, in m.", least=0)] = 0.010
-    renderer: Annotated[str | None, RENDERER] = None
     slips: Annotated[float, Option("Chance of losing what is carried.", least=0, most=1)] = 0.05
+    renderer: Annotated[str | None, RENDERER] = None
+    masks: Annotated[bool, Option("Which item each pixel shows, too.")] = False
+    objects: Annotated[
+        str | None, Option("Other objects in each episode: how many, such as 2-10 (where there is a problems.toml).")
+    ] = None
     jobs: Annotated[int | None, Option("How many at a time; as many as there are cores if not given.", least=1)] = None
     per_episode: int = MOST_POINTS
 
@@ -50,6 +68,10 @@ class CollectConfig:
         check(self)
         if self.per_episode < 1:
             raise OptionError(f"should be at least 1, got {self.per_episode}", option="per_episode")
+        if self.objects is not None:
+            read_range(self.objects)
+            if self.problem is not None:
+                raise OptionError("has problems made, and excludes `problem`", option="objects")
 
     @property
     def command(self) -> str:

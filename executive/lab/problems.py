@@ -103,9 +103,14 @@ class ProblemMaker:
             DomainError: the recipe leads to no problem.
         """
         for number in range(1, count + 1):
-            yield self._problem(number)
+            yield self.problem(number)
 
-    def _problem(self, number: int) -> Problem:
+    def problem(self, number: int) -> Problem:
+        """The problem of a number from 1 on.
+
+        Raises:
+            DomainError: the recipe leads to none.
+        """
         rng = np.random.default_rng([self._seed, number])
         name = f"{self._stem}-{number:04d}"
         for _ in range(_TRIES):

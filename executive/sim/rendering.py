@@ -100,6 +100,19 @@ class Drawing:
 
         return self.drawn(data, camera, measure)
 
+    def geoms(self, data: mujoco.MjData, camera: CameraSpec) -> np.ndarray[Any, np.dtype[np.int32]]:
+        """Which geom each pixel of a camera shows, (H, W); -1 for none."""
+
+        def segment(renderer: mujoco.Renderer) -> np.ndarray[Any, np.dtype[np.int32]]:
+            renderer.enable_segmentation_rendering()
+            try:
+                shown = np.array(renderer.render(), dtype=np.int32)
+            finally:
+                renderer.disable_segmentation_rendering()
+            return np.where(shown[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, shown[..., 0], -1)
+
+        return self.drawn(data, camera, segment)
+
     def drawn(self, data: mujoco.MjData, camera: CameraSpec, draw: Callable[[mujoco.Renderer], _T]) -> _T:
         """What `draw` makes, in the thread that draws, of the renderer for a camera's size, ready to draw what the
         camera sees: visuals and items, no helpers."""

@@ -201,6 +201,15 @@ class MujocoWorld:
         mujoco.mj_forward(self.model, self.data)
         return self.drawing.picture(self.data, next(spec for spec in self.spec.cameras if spec.name == camera))
 
+    def masks(self) -> dict[str, Image]:
+        """Which item each pixel of each camera shows, (H, W) uint8: from 1 on in the order of `items`, 0 for none."""
+        mujoco.mj_forward(self.model, self.data)
+        roots = self.model.body_rootid[self.model.geom_bodyid]
+        number = np.zeros(self.model.ngeom + 1, dtype=np.uint8)  # the last is for no geom
+        for index, item in enumerate(self.items):
+            number[:-1][roots == self.model.body(item).id] = index + 1
+        return {camera.name: number[self.drawing.geoms(self.data, camera)] for camera in self.spec.cameras}
+
     def prepare(self, tell: Callable[[str], None]) -> None:
         """Make the renderer of photorealistic pictures ready, if a camera has them; `tell` receives what one costs."""
         drawn = [camera for camera in self.spec.cameras if camera.renderer == "mitsuba"]

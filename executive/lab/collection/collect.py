@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -26,7 +28,9 @@ from executive.lab.collection.episode import MOST_FAILURES, Collector
 from executive.lab.common.folder_lock import lock, remove_partial
 from executive.lab.common.process_pool import ProcessPool, ReportProgress, WorkerLostError, WorkerPool, run_jobs
 from executive.lab.common.progress import Progress
-from executive.lab.config import CollectConfig
+from executive.lab.config import CollectConfig, read_range
+from executive.lab.problems import ProblemMaker
+from executive.sim.initial_state import InitialState
 from executive.sim.spec import read_scene
 
 FRUITLESS = 10
@@ -62,6 +66,7 @@ class Collection:
         self.config = config
         self.domain = load_domain(config.domain, config.problem)
         checked_stage(self.domain)
+        _maker(config)
         self._what = _described(config, self.domain)
         self._digest = dataset.digest(self._what)
         self._cancelled = False
@@ -252,7 +257,7 @@ class Collection:
             "points": self.config.points,
             "finished": finished,
             "cameras": self._cameras,
-            "atoms": [str(atom) for atom in self.domain.task.atoms],
+            "atoms": [] if self.config.objects else [str(atom) for atom in self.domain.task.atoms],
             "statistics": statistics,
         }
         text = json.dumps(manifest, indent=2) + "\n"
@@ -268,16 +273,55 @@ class Player:
     """
 
     def __init__(self, config: CollectConfig, digest: str, cameras: Sequence[str]) -> None:
+        self._config, self._digest, self._cameras = config, digest, cameras
+        self._maker = _maker(config)
         domain = load_domain(config.domain, config.problem)
-        self._collector = Collector(
-            domain, config.seed, config.home_pose, config.grasp_noise, config.slips, config.per_episode
-        )
-        self._digest, self._cameras = digest, cameras
+        self._collector = None if self._maker is not None else self._collect(domain)
 
     def __call__(self, task: Task, tell: ReportProgress) -> Played:
-        log, points = self._collector.play(*task, tell)
-        atoms = self._collector.domain.task.atoms
-        return Played(log, dataset.shard_bytes(self._digest, log, points, atoms, self._cameras))
+        collector = self._collector or self._with_others(task.episode)
+        log, points = collector.play(*task, tell)
+        domain, varying, masks = collector.domain, self._maker is not None, self._config.masks
+        objects = _objects(domain) if varying or masks else None
+        atoms = domain.task.atoms
+        return Played(
+            log, dataset.shard_bytes(self._digest, log, points, atoms, self._cameras, objects, masks, varying)
+        )
+
+    def _collect(self, domain: Domain, start: InitialState | None = None) -> Collector:
+        config = self._config
+        return Collector(
+            domain,
+            config.seed,
+            config.home_pose,
+            config.grasp_noise,
+            config.slips,
+            config.per_episode,
+            config.renderer,
+            config.masks,
+            start,
+        )
+
+    def _with_others(self, episode: int) -> Collector:
+        """What collects an episode that has objects of its own, and starts as its problem declares."""
+        assert self._maker is not None
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "problem.pddl"
+            file.write_text(self._maker.problem(episode + 1).text, encoding="utf-8")
+            domain = load_domain(self._config.domain, str(file))
+            return self._collect(domain, checked_stage(domain))
+
+
+def _maker(config: CollectConfig) -> ProblemMaker | None:
+    if config.objects is None:
+        return None
+    return ProblemMaker(config.domain, *read_range(config.objects), config.seed)
+
+
+def _objects(domain: Domain) -> dict[str, tuple[str, ...]]:
+    """The items of a problem in the scene's order, each with the values of its attributes."""
+    items = read_scene(domain.scene).restricted_to(domain.task.objects, domain.scene).items
+    return {item.name: tuple(item.attributes.values()) for item in items}
 
 
 # Inside.
@@ -297,6 +341,8 @@ def _described(config: CollectConfig, domain: Domain) -> dict[str, Any]:
         "failures_in_a_row": MOST_FAILURES,
         "jpeg_quality": dataset.JPEG_QUALITY,
         "versions": {name: version_of(name) for name in DECIDING},
+        # Not where they are not asked for, so that collections from before are continued.
+        **{name: value for name in ("renderer", "masks", "objects") if (value := getattr(config, name))},
     }
 
 

@@ -14,7 +14,7 @@ from executive.lab.collection.dataset import Log
 from executive.types import Atom, SkillStatus
 
 _WHAT = """{points} points: what the cameras of a simulated robot see after each completed action, and the truth of all
-{atoms} atoms of the planning task at that moment."""
+{atoms}atoms of the planning task at that moment."""
 
 _METHOD = """Collected as in Appendix D of the S3E paper. At a reset the robot is at home and the items stand upright at
 random. An applicable action, chosen uniformly by the true state, is carried out in full by planned motions, contact and
@@ -40,7 +40,7 @@ def statistics(folder: Path, logs: Sequence[Log]) -> dict[str, Any]:
             attempts.setdefault(attempt.action.partition("(")[0], Counter())[attempt.status] += 1
         for row in dataset.columns(folder, log.episode, "atoms", "surprises"):
             surprising += bool(row["surprises"])
-            for atom, value in row["atoms"].items():
+            for atom, value in dataset.truth_of(row).items():
                 truth.setdefault(Atom.parse(atom).predicate, Counter())[value] += 1
     return {
         "points": sum(log.points for log in logs),
@@ -77,7 +77,7 @@ configs:
 ---
 # {name}
 
-{_paragraph(_WHAT.format(points=points, atoms=len(manifest["atoms"])))}
+{_paragraph(_WHAT.format(points=points, atoms=f"{len(manifest['atoms'])} " if manifest["atoms"] else ""))}
 
 ```sh
 {manifest["command"]}
@@ -107,8 +107,7 @@ One Parquet file an episode.
 | `seed`, `episode`, `step` | the collection's seed; the episode from 0; the completed action from 1 within it |
 | `action` | the action that was completed |
 | `image_...` | a picture (JPEG, quality {what["jpeg_quality"]}) |
-| `atoms` | the truth of every atom: a struct with one bool an atom |
-| `surprises` | the atoms whose truth is not what the action's effects alone would have made it |
+{_more_columns(what)}| `surprises` | the atoms whose truth is not what the action's effects alone would have made it |
 | `joints` | the arm's joint positions, rad |
 | `qpos` | MuJoCo's positions of everything, from which the moment can be drawn anew |
 | `time` | simulated seconds since the reset |
@@ -126,6 +125,18 @@ points.flatten()    # a column of each atom
 Seed {what["seed"]}. {", ".join(f"{package} {version}" for package, version in what["versions"].items())}.
 SHA-256 of the domain's files: `{what["files"]}`.
 """
+
+
+def _more_columns(what: Mapping[str, Any]) -> str:
+    """The rows of columns that depend on what was asked for."""
+    rows = []
+    if "masks" in what:
+        rows.append(("`mask_...`", "which of `objects` each pixel shows, from 1 on (PNG)"))
+    if "masks" in what or "objects" in what:
+        rows.append(("`objects`", "the items, each with the values of its attributes"))
+    kind = "a list, as each episode has atoms of its own" if "objects" in what else "a struct with one bool an atom"
+    rows.append(("`atoms`", f"the truth of every atom: {kind}"))
+    return "".join(f"| {name} | {meaning} |\n" for name, meaning in rows)
 
 
 def _paragraph(text: str) -> str:

@@ -13,9 +13,10 @@ import io
 import json
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -36,6 +37,12 @@ MANIFEST, CARD, SHARDS = "dataset.json", "README.md", "data"
 IMAGE = "image_"
 """What the columns of pictures begin with; the camera's name follows."""
 
+MASK = "mask_"
+"""What the columns of masks begin with: PNG, a grey value for each item."""
+
+Objects = Mapping[str, Sequence[str]]
+"""The items of an episode, in the order that masks number them in, each with the values of its attributes."""
+
 _METADATA = b"executive"
 
 
@@ -46,7 +53,8 @@ class Point:
     `seed` is the collection's, `episode` counts from 0 and `step` from 1 within the episode. `action` is the step that
     was carried out, as text; `time` the simulated seconds since the reset; `joints` (6,) in rad; `qpos` (nq,) MuJoCo's
     positions of everything, from which the moment can be drawn anew; `images` camera -> (H, W, 3) uint8; `facts` the
-    truth of every atom of the task; `surprises` those atoms whose truth is not what the action's effects, and nothing
+    truth of every atom of the task; `masks` camera -> (H, W) uint8, which of the objects (from 1 on) each pixel shows;
+    `surprises` those atoms whose truth is not what the action's effects, and nothing
     else, would have made of the state before it.
     """
 
@@ -60,6 +68,7 @@ class Point:
     images: Mapping[str, Image]
     facts: Facts
     surprises: tuple[Atom, ...] = ()
+    masks: Mapping[str, Image] = field(default_factory=lambda: MappingProxyType({}))
 
 
 class Attempt(NamedTuple):
@@ -109,9 +118,22 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def shard_bytes(
-    collection: str, log: Log, points: Sequence[Point], atoms: Sequence[Atom], cameras: Sequence[str]
+    collection: str,
+    log: Log,
+    points: Sequence[Point],
+    atoms: Sequence[Atom],
+    cameras: Sequence[str],
+    objects: Objects | None = None,
+    masks: bool = False,
+    varying: bool = False,
 ) -> bytes:
-    """An episode's file. `collection` names what it belongs to."""
+    """An episode's file. `collection` names what it belongs to.
+
+    Args:
+        objects: what is there, for a column of its own.
+        masks: whether there are columns of masks.
+        varying: whether other episodes have other atoms: they are a map then, not a struct.
+    """
     import pyarrow as pa
 
     rows = [
@@ -127,7 +149,18 @@ def shard_bytes(
                 }
                 for camera in cameras
             },
-            "atoms": {str(atom): point.facts[atom] for atom in atoms},
+            **{
+                f"{MASK}{camera}": {
+                    "bytes": _png(point.masks[camera]),
+                    "path": f"{point.episode:05d}-{point.step:02d}-{camera}-mask.png",
+                }
+                for camera in cameras
+                if masks
+            },
+            "objects": [{"name": name, "attributes": list(values)} for name, values in (objects or {}).items()],
+            "atoms": [{"atom": str(atom), "value": point.facts[atom]} for atom in atoms]
+            if varying
+            else {str(atom): point.facts[atom] for atom in atoms},
             "surprises": [str(atom) for atom in point.surprises],
             "joints": point.joints.tolist(),
             "qpos": point.qpos.tolist(),
@@ -135,7 +168,22 @@ def shard_bytes(
         }
         for point in points
     ]
-    return _bytes(collection, log, pa.Table.from_pylist(rows, schema=_schema(atoms, cameras)))
+    schema = _schema(atoms, cameras, objects is not None, masks, varying)
+    return _bytes(collection, log, pa.Table.from_pylist(rows, schema=schema))
+
+
+def truth_of(row: Mapping[str, Any]) -> dict[str, bool]:
+    """The truth of every atom (as text) of a row's moment."""
+    told = row["atoms"]
+    return {each["atom"]: each["value"] for each in told} if isinstance(told, list) else dict(told)
+
+
+def _png(mask: Image) -> bytes:
+    from PIL import Image as Picture
+
+    buffer = io.BytesIO()
+    Picture.fromarray(mask).save(buffer, "PNG")
+    return buffer.getvalue()
 
 
 def cut_shard(folder: Path, collection: str, log: Log, points: int) -> Log:
@@ -282,7 +330,7 @@ def _point(row: Mapping[str, Any], cameras: Sequence[str]) -> Point:
         joints=np.array(row["joints"]),
         qpos=np.array(row["qpos"]),
         images={camera: from_jpeg(row[f"{IMAGE}{camera}"]["bytes"]) for camera in cameras},
-        facts=Facts({Atom.parse(atom): value for atom, value in row["atoms"].items()}),
+        facts=Facts({Atom.parse(atom): value for atom, value in truth_of(row).items()}),
         surprises=tuple(map(Atom.parse, row["surprises"])),
     )
 
@@ -319,11 +367,13 @@ def _bytes(collection: str, log: Log, table: pa.Table) -> bytes:
     return buffer.getvalue()
 
 
-def _schema(atoms: Sequence[Atom], cameras: Sequence[str]) -> pa.Schema:
+def _schema(atoms: Sequence[Atom], cameras: Sequence[str], objects: bool, masks: bool, varying: bool) -> pa.Schema:
     """The columns, and in the key `huggingface` what they mean to the package `datasets`."""
     import pyarrow as pa
 
     picture = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
+    item = pa.struct([("name", pa.string()), ("attributes", pa.list_(pa.string()))])
+    one_by_one = pa.list_(pa.struct([("atom", pa.string()), ("value", pa.bool_())]))
     schema = pa.schema(
         [
             ("seed", pa.int64()),
@@ -331,21 +381,27 @@ def _schema(atoms: Sequence[Atom], cameras: Sequence[str]) -> pa.Schema:
             ("step", pa.int32()),
             ("action", pa.string()),
             *((f"{IMAGE}{camera}", picture) for camera in cameras),
-            ("atoms", pa.struct([(str(atom), pa.bool_()) for atom in atoms])),
+            *((f"{MASK}{camera}", picture) for camera in cameras if masks),
+            *([("objects", pa.list_(item))] if objects else []),
+            ("atoms", one_by_one if varying else pa.struct([(str(atom), pa.bool_()) for atom in atoms])),
             ("surprises", pa.list_(pa.string())),
             ("joints", pa.list_(pa.float64())),
             ("qpos", pa.list_(pa.float64())),
             ("time", pa.float64()),
         ]
     )
+    values = {"feature": _value("string"), "_type": "Sequence"}
+    each = {"atom": _value("string"), "value": _value("bool")}
     features = {
         "seed": _value("int64"),
         "episode": _value("int32"),
         "step": _value("int32"),
         "action": _value("string"),
         **{f"{IMAGE}{camera}": {"_type": "Image"} for camera in cameras},
-        "atoms": {str(atom): _value("bool") for atom in atoms},
-        "surprises": {"feature": _value("string"), "_type": "Sequence"},
+        **{f"{MASK}{camera}": {"_type": "Image"} for camera in cameras if masks},
+        **({"objects": [{"name": _value("string"), "attributes": values}]} if objects else {}),
+        "atoms": [each] if varying else {str(atom): _value("bool") for atom in atoms},
+        "surprises": values,
         "joints": {"feature": _value("float64"), "_type": "Sequence"},
         "qpos": {"feature": _value("float64"), "_type": "Sequence"},
         "time": _value("float64"),

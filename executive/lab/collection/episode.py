@@ -27,6 +27,7 @@ from executive.lab.collection.dataset import Attempt, Ending, Log, Point
 from executive.lab.common.process_pool import ReportProgress
 from executive.lab.config import MOST_POINTS
 from executive.protocols import SkillContext
+from executive.sim.initial_state import InitialState
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.types import Facts, News, Phase, SkillResult, SkillStatus, Step
@@ -65,11 +66,24 @@ class Collector:
         grasp_noise: standard deviation in m of the horizontal error of a grasp.
         slips: the chance that the gripper lets go of what it carries, in each action that carries something.
         full: completed actions after which an episode is over.
+        renderer: what draws the pictures, in place of what the scene says.
+        masks: whether points have the cameras' masks.
+        start: where items stand at a reset, as the problem declares it; without it, anywhere on tables.
     """
 
     def __init__(
-        self, domain: Domain, seed: int, home_pose: bool, grasp_noise: float, slips: float, full: int = MOST_POINTS
+        self,
+        domain: Domain,
+        seed: int,
+        home_pose: bool,
+        grasp_noise: float,
+        slips: float,
+        full: int = MOST_POINTS,
+        renderer: str | None = None,
+        masks: bool = False,
+        start: InitialState | None = None,
     ) -> None:
+        self._renderer, self._masks, self._start = renderer, masks, start or InitialState()
         self.domain, self._seed, self._home_pose = domain, seed, home_pose
         self._grasp_noise, self._slips = grasp_noise, Fault("drop", chance=slips)
         self._full = full
@@ -79,7 +93,8 @@ class Collector:
     def play(self, number: int, most: int, tell: ReportProgress) -> Episode:
         """One episode from its reset on, cut after `most` points. `tell` receives their number at each.
 
-        The items stand anywhere upright: what the problem declares of their places is for runs.
+        Unless there is a `start`, the items stand anywhere upright: what the problem declares of their places is for
+        runs.
         """
         world = MujocoWorld(
             self.domain.scene,
@@ -87,6 +102,10 @@ class Collector:
             seed=self._derived(number, 2),
             grasp_noise=self._grasp_noise,
             home_pose=self._home_pose,
+            placed=self._start.placed,
+            stacked=self._start.stacked,
+            regions=self._start.regions,
+            renderer=self._renderer,
         )
         try:
             return self._play(number, most, world, tell)
@@ -156,6 +175,7 @@ class Collector:
             joints=look.joints,
             qpos=world.data.qpos.copy(),
             images=look.images,
+            masks=world.masks() if self._masks else {},
             facts=facts,
             surprises=tuple(a for a, value in facts.items() if changes.get(a, before[a]) not in (None, value)),
         )

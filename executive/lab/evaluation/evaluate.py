@@ -305,6 +305,10 @@ class Evaluator:
         there, asked = set(self._manifest["atoms"]), {str(atom) for atom in self.subject.task.atoms}
         if there == asked and asked:
             return
+        if self._manifest["collection"].get("objects"):
+            raise InputError(
+                "has other objects in each episode, and no model is evaluated on these yet", file=self.config.data
+            )
         of = self._manifest["collection"].get("problem")
         odd = min(there ^ asked, default="none")
         message = (

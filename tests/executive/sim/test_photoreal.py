@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -32,16 +31,7 @@ def world() -> Iterator[MujocoWorld]:
 def test_silhouettes_are_those_that_mujoco_draws_to_a_pixel(world: MujocoWorld) -> None:
     camera, drawing = world.spec.cameras[0], world.drawing.photoreal()
     mujoco.mj_forward(world.model, world.data)
-
-    def segmented(renderer: mujoco.Renderer) -> np.ndarray[Any, np.dtype[np.int32]]:
-        renderer.enable_segmentation_rendering()
-        try:
-            return np.array(renderer.render())
-        finally:
-            renderer.disable_segmentation_rendering()
-
-    drawn = world.drawing.drawn(world.data, camera, segmented)
-    geoms = np.where(drawn[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, drawn[..., 0], -1)
+    geoms = world.drawing.geoms(world.data, camera)
     drawing._move(world.data)
     numbers = drawing._mi.load_dict({"type": "aov", "aovs": "shape:shape_index"})
     shapes = np.round(drawing._rendered(numbers, drawing._sensor(world.data, camera), 1)[..., 0]).astype(int)
