@@ -32,6 +32,13 @@ _LOOKS_AGAIN = 2
 _BESIDE = 0.12
 """m between two items within which one can be in the way of the hand that takes the other."""
 
+_WAIT, _MOST_WAITS = 0.25, 40
+"""Seconds from one look to the next at what was put on another item, and how many there are at most: a box takes some
+seconds to roll off a ball."""
+
+_STILL = 0.0003
+"""m by which an item that is at rest seems to move from one look to the next, beside the error of its pose."""
+
 _STAYS = frozenset({SkillStatus.UNREACHABLE, SkillStatus.NO_PATH, SkillStatus.NOT_THERE, SkillStatus.BLOCKED})
 """How an item is left where it is, with an empty hand."""
 
@@ -188,12 +195,18 @@ def _spots(attempt: Attempt, held: Held, target: Surface) -> list[Way]:
 
 
 def check_rests(attempt: Attempt, item: str, target: str) -> None:
-    """Looks whether an item that was put down rests where it was put. What is not seen is not in question.
+    """Looks whether an item that was put down rests where it was put; on another item, once it is seen to be at rest.
+    What is not seen is not in question.
 
     Raises:
         SkillError: FELL where it does not.
     """
     pose = attempt.obstacles().get(item)
+    for _ in range(_MOST_WAITS if target in attempt.handle.shapes else 0):
+        attempt.wait(_WAIT)
+        before, pose = pose, attempt.obstacles().get(item)
+        if before is None or pose is None or np.linalg.norm(pose[:3] - before[:3]) < _STILL + attempt.spread(item):
+            break
     where = region_of(attempt, target) if target in attempt.handle.regions else surface(attempt, target)
     if pose is not None and not where.holds(transforms.matrix(pose), attempt.handle.shapes[item]):
         raise SkillError(SkillStatus.FELL, f"{item} did not stay on {target}")

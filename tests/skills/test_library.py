@@ -92,6 +92,18 @@ def test_what_did_not_stay_where_it_was_put_is_told() -> None:
         check_rests(attempt(robot), LEMON, "black-table")
 
 
+def test_a_box_that_rolls_off_a_ball_is_told(tmp_path: Path) -> None:
+    ball = '[[item]]\nname = "ball"\nshape = "sphere"\nsize = [0.05, 0.05, 0.05]\nmass = 0.2\n'
+    file = tmp_path / "scene.toml"
+    file.write_text(f"{SCENE.read_text(encoding='utf-8')}\n{BLOCK.format('block-a')}{ball}", encoding="utf-8")
+    objects = {"block-a": "item", "ball": "item", **dict.fromkeys(TABLES, "table")}
+    robot = Robot(MujocoWorld(file, objects, 1, dict.fromkeys(("block-a", "ball"), "black-table")))
+    assert robot.pick("block-a", "black-table").done
+    result = robot.place("block-a", "ball")
+    assert (result.status, result.holding) == (SkillStatus.FELL, False), result.reason
+    assert robot.so("on-table(block-a,black-table)")
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_the_top_of_an_item_is_where_it_ends(axis: int) -> None:
     """A box of 4 x 6 x 10 cm, with each of its sides up in turn, and turned about the vertical."""
