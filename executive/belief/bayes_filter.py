@@ -183,7 +183,8 @@ class BayesMonitor:
         if self.actions is None:
             return replace(self.begin(), before=memory.now, now=memory.now)
         marginal, process_noise = memory.marginal or self._posterior(memory).marginal, self.actions.process_noise
-        hidden = self._hidden(marginal)
+        after = marginal if step is None else with_effects(marginal, step, self._partners)
+        hidden = self._hidden(marginal) | self._hidden(after)
         unchanged = self._with_noise(marginal, process_noise, hidden)
         undetermined: frozenset[Atom] = frozenset()
         chances = Chances(0.0, 1.0, 0.0)
@@ -191,13 +192,13 @@ class BayesMonitor:
             outcomes = [(1.0, unchanged, False)]
         else:
             chances = self.actions.chances(step.action, SkillStatus.DONE if result is None else result.status)
-            undetermined, after = affected(step, self._partners), with_effects(marginal, step, self._partners)
+            undetermined = affected(step, self._partners)
             outcomes = [
                 (chances.effects, self._with_noise(after, process_noise, hidden), True),
                 (chances.nothing, unchanged, False),
                 (chances.other, {**unchanged, **{atom: self._uniform[atom] for atom in undetermined}}, False),
             ]
-        hypotheses = [Hypothesis(chance, self._weighted(after), effects) for chance, after, effects in outcomes]
+        hypotheses = [Hypothesis(chance, self._weighted(then), effects) for chance, then, effects in outcomes]
         if self.space is not None:
             share, before = self._listed(memory)
             listed = predict(self.space, before, step, chances, undetermined, process_noise)

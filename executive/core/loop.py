@@ -186,7 +186,7 @@ class Executive:
         self.run_state = self.run_state.next_cycle()
         self._session.cycle = self.run_state.cycle
         step = self.run_state.left[0]
-        if not self.is_blind and (decision := self._check(step)):
+        if not self.is_blind and (decision := self._check(step) or self._see_first(step)):
             return decision
         self.run_state = self.run_state.dispatched()
         order = Dispatched(step, self.run_state.actions, self.run_state.attempt, self.run_state.todo[0])
@@ -213,6 +213,14 @@ class Executive:
             self.run_state = self.run_state.waiting(self.monitor.acted(self.run_state.memory, None))
             self._weigh(self.observer.look(self.run_state, f"before {step}"))
             waits += 1
+
+    def _see_first(self, step: Step) -> Decision | None:
+        """Plan to see what cannot be seen yet, if it may be why the step fails; None when it can begin."""
+        if not self.run_state.hidden or self.run_state.failing(step, self.run_state.known).ever == 1:
+            return None
+        _, verdict = self.run_state.compared(step.precondition, self.run_state.known)
+        found = self.queries.to_see(self.run_state, verdict)
+        return None if found is None else self._look_for(*found)
 
     def _judge(self, result: SkillResult) -> Decision:
         """Compare the step's expected effects with what is seen, and decide."""

@@ -115,8 +115,8 @@ class PlannerQueries:
         return self._as_if(run_state, doubted[0], self._monitor.state_without(run_state.memory, doubted[0]))
 
     def to_see(self, run_state: RunState, verdict: Verdict) -> tuple[tuple[Atom, ...], Plan] | None:
-        """The atoms of the goal that cannot be seen now and a plan to see them, all of them or else the first that can
-        be, which ends where the goal holds. Each is gone to see twice at most."""
+        """The atoms that a condition hangs on and that cannot be seen now, and a plan to see them, all of them or else
+        the first that can be, which ends where the goal holds. Each is gone to see twice at most."""
         hidden = run_state.hidden
         wanted = tuple(atom for atom in sorted(verdict.unknown & hidden) if run_state.tried.count(atom) < 2)
         if verdict.violated or not wanted:

@@ -304,7 +304,7 @@ def finish(
 
 
 def look_for(atoms: tuple[Atom, ...]) -> Decision:
-    """Nothing is left to do, and some of the goal cannot be seen from here: there is a plan to see it."""
+    """Some of what the goal or a step hangs on cannot be seen from here, and there is a plan to see it."""
     return Decision(DecisionKind.REPLAN, (Cause(Reason.TO_BE_SEEN, atoms),), atoms)
 
 

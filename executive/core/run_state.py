@@ -240,10 +240,11 @@ class RunState:
         return seen | self.recalled(claim)
 
     def recalled(self, claim: float) -> Facts:
-        """Return the literals of the goal that were seen to hold, are hidden by what the goal itself asks for, and hold
-        with a probability of at least `claim` still."""
+        """Return the literals of the goal that were seen to hold, are hidden by what the goal itself asks for or by
+        having gone to see others after them, and hold with a probability of at least `claim` still."""
         goal, hidden = self.goal.facts, self.hidden
-        kept = [atom for atom in goal if atom in hidden and self.task.visible[atom].given(goal) == NEVER]
+        visible, tried = self.task.visible, self.tried
+        kept = [atom for atom in goal if atom in hidden and (atom in tried or visible[atom].given(goal) == NEVER)]
         doubtful = self._unsure(kept, self.known, claim)
         return goal.only(atom for atom in kept if atom not in doubtful and self.known.get(atom) is goal[atom])
 

@@ -137,9 +137,7 @@ REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.GOAL_NOT_SEEN: lambda cause: f"nothing is left to do, but not seen as the goal has it: {_atoms(cause)}",
     Reason.GOAL_UNKNOWN: lambda cause: f"nothing is left to do, but cannot tell {_atoms(cause)}",
     Reason.GOAL_RECALLED: lambda cause: f"{_atoms(cause)} was seen before it was hidden",
-    Reason.TO_BE_SEEN: lambda cause: (
-        f"nothing is left to do, but {_atoms(cause)} cannot be seen from here: going to look"
-    ),
+    Reason.TO_BE_SEEN: lambda cause: f"{_atoms(cause)} cannot be seen from here: going to look",
     Reason.GOAL_ONLY_BELIEVED: lambda cause: (
         f"the goal is believed to hold, but cannot tell {_atoms(cause)} in {_looks(cause.count)}"
     ),

@@ -68,6 +68,56 @@ def test_a_goal_that_hangs_on_what_cannot_be_seen_is_gone_to_see(config: RunConf
     assert Reason.TO_BE_SEEN in causes(seen)
 
 
+HOUSE = """
+(define (domain house) (:requirements :strips :typing :negative-preconditions :conditional-effects)
+  (:types box thing - object)
+  (:predicates (near ?o - object) (open ?b - box) (inside ?t - thing ?b - box) (held ?t - thing))
+  (:action go :parameters (?o - object)
+    :precondition (and (not (near ?o)) (forall (?b - box) (or (not (inside ?o ?b)) (open ?b))))
+    :effect (and (near ?o) (forall (?x - object) (when (not (= ?x ?o)) (not (near ?x))))))
+  (:action pull :parameters (?b - box) :precondition (near ?b)
+    :effect (and (open ?b) (forall (?t - thing) (when (inside ?t ?b) (near ?t)))))
+  (:action push :parameters (?b - box) :precondition (near ?b) :effect (not (open ?b)))
+  (:action grasp :parameters (?t - thing) :precondition (near ?t)
+    :effect (and (held ?t) (forall (?b - box) (not (inside ?t ?b))))))
+"""
+NEAR = """
+title = "House"
+domain = "domain.pddl"
+problem = "problem.pddl"
+[world]
+kind = "symbolic"
+[predicates.open]
+visible = "(near ?b)"
+[predicates.inside]
+visible = "(and (open ?b) (near ?b))"
+"""
+
+
+def house(folder: Path, init: str, goal: str) -> RunConfig:
+    folder.mkdir()
+    (folder / "domain.pddl").write_text(HOUSE)
+    (folder / "domain.toml").write_text(NEAR)
+    problem = f"(define (problem p) (:domain house) (:objects a b - box t - thing) (:init {init}) (:goal {goal}))"
+    (folder / "problem.pddl").write_text(problem)
+    return RunConfig(str(folder), world="symbolic", runs=folder / "runs", viewer=False)
+
+
+def test_what_may_be_why_a_step_fails_is_gone_to_see(tmp_path: Path) -> None:
+    """One can go to the thing, unless it is in a closed box: it is, which nobody could see."""
+    summary, seen, _ = play(house(tmp_path / "house", "(inside t a)", "(held t)"))
+    assert (summary["outcome"], summary["goal_true"], summary["goal_seen"]) == (OutcomeKind.GOAL_REACHED, True, True)
+    assert Reason.TO_BE_SEEN in causes(seen)
+
+
+def test_what_cannot_be_seen_at_once_is_seen_in_turn(tmp_path: Path) -> None:
+    """To see that one box is closed is to go away from the other."""
+    summary, seen, _ = play(house(tmp_path / "house", "(open a)", "(and (not (open a)) (not (open b)))"))
+    assert (summary["outcome"], summary["goal_true"]) == (OutcomeKind.GOAL_REACHED, True)
+    assert Reason.GOAL_RECALLED in causes(seen)
+    assert summary["actions"] <= 5
+
+
 def test_where_all_other_places_are_seen_to_be_empty_nothing_has_to_be_opened(config: RunConfig) -> None:
     """As it is stated that the lemon is somewhere."""
     summary, _, _ = play(replace(config, problem="is-it-there"))
