@@ -23,7 +23,7 @@ from executive.skills.library import (
     spots_for,
     surface,
 )
-from executive.skills.manipulation import blockers, check_rests, move_aside, put, table_under, take, uncover
+from executive.skills.manipulation import blockers, check_rests, move_aside, put, regrasp, table_under, take, uncover
 from executive.skills.surfaces import Surface
 from executive.skills.towers import carrier, check_stands, tower
 
@@ -51,6 +51,7 @@ __all__ = [
     "perform",
     "put",
     "reach",
+    "regrasp",
     "release",
     "retreat",
     "spots_for",

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from executive.skills import transforms
+from executive.skills import grasps, surfaces, transforms
 from executive.skills.arm import Attempt, SkillError, go_home, withdraw
 from executive.skills.collision import Held
 from executive.skills.library import (
@@ -24,7 +24,7 @@ from executive.skills.library import (
     surface,
 )
 from executive.skills.surfaces import Surface
-from executive.types import Sense, SkillStatus
+from executive.types import FloatArray, Sense, SkillStatus
 
 _LOOKS_AGAIN = 2
 """How often an item whose pose is estimated is looked for again when the fingers closed on nothing."""
@@ -156,6 +156,7 @@ def table_under(attempt: Attempt, item: str) -> str | None:
 
 def put(attempt: Attempt, item: str, target: str) -> None:
     """Puts the held item down on a free spot of a table, or on the middle of another item, and withdraws the hand.
+    Where that takes another grasp, it is put down on another table before, and taken so.
 
     Raises:
         SkillError: NOT_THERE when the hand does not hold it, DOES_NOT_FIT when it is larger than the table as it is
@@ -165,9 +166,59 @@ def put(attempt: Attempt, item: str, target: str) -> None:
     held = in_hand(attempt, item)
     withdraw(attempt, held)  # where it was gripped and not yet lifted
     attempt.phase("plan", f"a spot on {target}")
-    way = carry(attempt, held, _spots(attempt, held, surface(attempt, target)), target)
+    try:
+        ways = _spots(attempt, held, surface(attempt, target))
+    except SkillError as failure:
+        if failure.status is not SkillStatus.UNREACHABLE or not regrasp(attempt, held, target):
+            raise
+        held = in_hand(attempt, item)
+        ways = _spots(attempt, held, surface(attempt, target))
+    way = carry(attempt, held, ways, target)
     release(attempt)
     retreat(attempt, way)
+
+
+def regrasp(attempt: Attempt, held: Held, target: str) -> bool:
+    """Puts the held item down on another table and takes it across other sides; returns False, with the item still in
+    the hand, where the target is within reach with no other grasp either, or no other table has room.
+
+    Raises:
+        SkillError: whatever ends the motions.
+    """
+    item, shape = held.item, attempt.handle.shapes[held.item]
+    hand = attempt.arm.kinematics.forward(attempt.body.joints())
+    pose = hand @ held.in_hand
+    pose[:3, :3] = surfaces.resting(pose, shape)
+    across = pose[:3, :3].T @ hand[:3, 0]
+    candidates = grasps.candidates(pose, shape, -np.inf)
+    other = next((grasp for grasp in candidates if _is_across(pose[:3, :3].T @ grasp[:3, 0], across)), None)
+    if other is None:
+        return False
+    otherwise = Held(item, transforms.inverse(other) @ pose)
+    if not works(lambda: spots_for(attempt, otherwise, surface(attempt, target), most=1)):
+        return False
+    for table in sorted(attempt.handle.tables.keys() - {target}):
+        there = surface(attempt, table)
+        try:
+            ways = spots_for(attempt, held, there)
+        except SkillError as failure:
+            if failure.status is SkillStatus.CANCELLED:
+                raise
+            continue
+        attempt.phase("regrasp", table)
+        way = carry(attempt, held, ways, table)
+        release(attempt)
+        retreat(attempt, way)
+        pose = look(attempt, item)
+        ways = grasps_of(attempt, item, pose, there)
+        grasp(attempt, approach(attempt, [w for w in ways if _is_across(pose[:3, :3].T @ w.hand[:3, 0], across)], item))
+        return True
+    return False
+
+
+def _is_across(closing: FloatArray, before: FloatArray) -> bool:
+    """Whether the fingers would close across other sides of an item than before, by the axes (3,) in its frame."""
+    return abs(float(closing @ before)) < 0.5
 
 
 def _spots(attempt: Attempt, held: Held, target: Surface) -> list[Way]:
@@ -212,27 +263,36 @@ def check_rests(attempt: Attempt, item: str, target: str) -> None:
         raise SkillError(SkillStatus.FELL, f"{item} did not stay on {target}")
 
 
-def blockers(attempt: Attempt, among: Collection[str], works: Callable[[], object]) -> tuple[str, ...]:
+def blockers(attempt: Attempt, among: Collection[str], what: Callable[[], object]) -> tuple[str, ...]:
     """Returns those of some items without any one of which something works; all of them where it takes more than one,
     and none where they are not what is in the way.
 
     Args:
-        works: raises a `SkillError` where it does not work.
+        what: raises a `SkillError` where it does not work.
     """
 
     def works_without(items: Collection[str]) -> bool:
         with attempt.without(items):
-            try:
-                works()
-            except SkillError as failure:
-                if failure.status is SkillStatus.CANCELLED:
-                    raise
-                return False
-        return True
+            return works(what)
 
     if not among or not works_without(among):
         return ()
     return tuple(item for item in among if len(among) == 1 or works_without([item])) or tuple(among)
+
+
+def works(what: Callable[[], object]) -> bool:
+    """Whether something raises no `SkillError`.
+
+    Raises:
+        SkillError: CANCELLED.
+    """
+    try:
+        what()
+    except SkillError as failure:
+        if failure.status is SkillStatus.CANCELLED:
+            raise
+        return False
+    return True
 
 
 def move_aside(attempt: Attempt, item: str) -> None:

@@ -180,6 +180,25 @@ def test_what_fits_on_its_end_alone_is_stood_on_its_end(tmp_path: Path) -> None:
     assert robot.world.pose("bar")[2] == pytest.approx(0.83 + 0.07, abs=0.003)
 
 
+def test_where_another_grasp_is_needed_the_item_is_put_down_and_taken_otherwise(tmp_path: Path) -> None:
+    """A channel of 5.2 cm between two walls, along y: the box of 6 x 4 x 6 cm goes in along it, but the fingers, which
+    hold it across its 4 cm, do not."""
+    box = '[[item]]\nname = "box"\nshape = "box"\nsize = [0.06, 0.04, 0.06]\nmass = 0.05\n'
+    floor = '[[table]]\nname = "channel"\ncentre = [0.46, 0.0, 0.82]\nsize = [0.052, 0.2, 0.02]\n'
+    walls = [
+        f'[[table]]\nname = "wall-{side}"\ncentre = [{x}, 0.0, 0.87]\nsize = [0.02, 0.2, 0.06]\n'
+        for side, x in (("near", 0.423), ("far", 0.497))
+    ]
+    file = tmp_path / "scene.toml"
+    file.write_text("\n".join([SCENE.read_text(encoding="utf-8"), box, floor, *walls]), encoding="utf-8")
+    tables = ("channel", "wall-near", "wall-far", *TABLES)
+    robot = Robot(MujocoWorld(file, {"box": "item", **dict.fromkeys(tables, "table")}, held="box"))
+    result = robot.place("box", "channel")
+    assert result.done, result.reason
+    assert robot.phases().count("regrasp") == 1
+    assert robot.so("on-table(box,channel)")
+
+
 def test_where_others_leave_no_room_it_is_told_which(tmp_path: Path) -> None:
     """A tray of 11 x 11 cm in reach, with a lemon in the middle: the cereal box fits there once that is gone."""
     tray = '[[table]]\nname = "tray"\ncentre = [0.40, 0.0, 0.83]\nsize = [0.11, 0.11, 0.03]\n'
