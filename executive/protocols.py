@@ -17,17 +17,16 @@ from executive.types import (
     Event,
     Facts,
     FaultInjected,
-    Frame,
     News,
     NoPlan,
     Observation,
     Phase,
     Plan,
-    PosesEstimated,
     Questions,
     Scenery,
     SkillResult,
     Step,
+    Watched,
 )
 
 
@@ -112,7 +111,7 @@ class World(Protocol):
         """Shapes and cameras, once, for the people who watch."""
         ...
 
-    def watch(self, listener: Callable[[Frame | PosesEstimated], None] | None) -> None:
+    def watch(self, listener: Callable[[Watched], None] | None) -> None:
         """Tell `listener` where things are, some times a second of the world's time, while it moves: as they are, for
         people alone, and as they are estimated, where the robot films."""
         ...

@@ -58,6 +58,7 @@ from executive.types import (
     Payload,
     Phase,
     Plan,
+    PointCloud,
     PosesEstimated,
     Probed,
     Questions,
@@ -74,6 +75,7 @@ from executive.types import (
     Task,
     Timing,
     Verdict,
+    Watched,
 )
 
 PHASES = frozenset({"plan", "approach", "grip", "lift", "transfer", "lower", "release", "retreat", "home", "aside"})
@@ -299,7 +301,7 @@ class WorldContract(ABC):
         assert happened == [pytest.approx(0.2, abs=0.05)]
 
     def test_a_listener_sees_frames_until_nobody_watches(self) -> None:
-        world, frames = self.make(), list[Frame | PosesEstimated]()
+        world, frames = self.make(), list[Watched]()
         world.watch(frames.append)
         self.pass_time(world, 1.0)
         seen = len(frames)
@@ -450,6 +452,7 @@ EVERY_PAYLOAD: tuple[Payload, ...] = (
     Phase("transfer", "to p", 2.5),
     Motion(np.zeros((4, 6)), np.zeros((4, 3)), 2.5, "RRT*", 0.2, 1.5),
     Frame({"a": np.array([0.0, 0, 0, 1, 0, 0, 0])}, np.zeros(6), 0.05),
+    PointCloud(np.zeros((2, 3), np.float32), np.zeros((2, 3), np.uint8)),
     FaultInjected("drop", "drop@1", 1, "the gripper opened"),
     Guarded(_ATOM, False, True, 1),
     SkillResult(_STEP, SkillStatus.DROPPED, "nothing is held", 2.0, 5.0, Sense.SEEN),

@@ -26,19 +26,18 @@ from executive.types import (
     Evidence,
     Facts,
     FloatArray,
-    Frame,
     Image,
     NoPlan,
     NoPlanReason,
     Observation,
     Phase,
     Plan,
-    PosesEstimated,
     Questions,
     Scenery,
     SkillResult,
     SkillStatus,
     Step,
+    Watched,
 )
 
 Pixels = TypeVar("Pixels", Image, DepthImage)
@@ -122,7 +121,7 @@ class _World:
     def scenery(self) -> Scenery:
         return self._world.scenery()
 
-    def watch(self, listener: Callable[[Frame | PosesEstimated], None] | None) -> None:
+    def watch(self, listener: Callable[[Watched], None] | None) -> None:
         self._world.watch(listener)
 
 

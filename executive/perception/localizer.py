@@ -16,7 +16,7 @@ from executive.perception.matching import Match
 from executive.perception.models import ItemModel, identical
 from executive.perception.registration import Poses
 from executive.perception.tracks import Hint, Tracks
-from executive.types import Camera, DepthImage, EstimatedPose, FloatArray, Image, Lump, PosesEstimated
+from executive.types import Camera, DepthImage, EstimatedPose, FloatArray, Image, Lump, PointCloud, PosesEstimated
 
 _EXPLAINED = 0.009
 """m from an item's surface within which points are of it."""
@@ -27,6 +27,9 @@ until one of them is known."""
 
 HOLDING = (0.004, 0.080)
 """m between the pads when something is held."""
+
+_SHOWN = 1000
+"""Points that those who watch are shown."""
 
 _OVERLAPPING = 0.9
 """The share of their width within which the middles of two identical items cannot be."""
@@ -96,6 +99,7 @@ class Localizer:
         hint: what is known beforehand of where each of several identical items is first seen.
 
     Attributes:
+        known: as given.
         identical: the names of items that nothing tells apart, in groups.
     """
 
@@ -110,9 +114,10 @@ class Localizer:
         self._models = {model.name: model for model in models}
         self.identical = tuple(identical(models))
         self._tracks = {names: Tracks(names, hint) for names in self.identical}
-        self._known, self._clock = known, clock
+        self.known, self._clock = known, clock
         self.capture = capture
         self._estimate: PosesEstimated | None = None
+        self._measured = clouds.cloud([], [], [])
         self._time = float("nan")
         self._held: tuple[str, FloatArray] | None = None
         """The item in the hand, and the transform (4, 4) of its body in the frame of the grip point."""
@@ -124,12 +129,21 @@ class Localizer:
             self._estimate, self._time = self.estimate(self.capture()), time
         return self._estimate
 
+    def cloud(self) -> PointCloud:
+        """Some of the points that the last poses were estimated from, for those who watch."""
+        low, high = self.known.bounds
+        inside = np.flatnonzero(((self._measured.points > low) & (self._measured.points < high)).all(axis=1))
+        some = inside[:: max(1, len(inside) // _SHOWN)]
+        colours = np.round(255.0 * self._measured.colours[some]).astype(np.uint8)
+        return PointCloud(self._measured.points[some].astype(np.float32), colours)
+
     def estimate(self, sensed: Capture) -> PosesEstimated:
         """The poses by one capture and what is remembered of those before."""
         views, cloud, left_out = self._cloud(sensed)
+        self._measured = cloud
         before = {} if self._estimate is None else self._estimate.poses
         found: dict[str, EstimatedPose] = {}
-        hand = self._known.hand(sensed.joints)
+        hand = self.known.hand(sensed.joints)
         if not HOLDING[0] < sensed.width < HOLDING[1]:
             self._held = None
         elif self._held is None:
@@ -148,17 +162,17 @@ class Localizer:
             if pose.source != "seen":  # what is seen of what is hidden or held, and is not enough to tell by
                 cloud = self._apart(name, pose, cloud)
         missing = tuple(sorted(self._models.keys() - found.keys()))
-        lumps = tuple(_lump(cloud.points[group]) for group in clouds.clusters(cloud.points, *self._known.bounds))
+        lumps = tuple(_lump(cloud.points[group]) for group in clouds.clusters(cloud.points, *self.known.bounds))
         identity = {name: row for tracks in self._tracks.values() for name, row in tracks.identity().items()}
         return PosesEstimated({name: found[name] for name in sorted(found)}, missing, lumps, left_out, identity)
 
     def _cloud(self, sensed: Capture) -> tuple[list[View], Cloud, dict[str, str]]:
         """The views that are used, the points of what is neither robot nor room, and why other views are not used."""
-        expected = self._known.expected(sensed.joints, sensed.fingers, list(sensed.depth))
-        left_out = {name: "no depth" for name in self._known.cameras if name not in sensed.depth}
+        expected = self.known.expected(sensed.joints, sensed.fingers, list(sensed.depth))
+        left_out = {name: "no depth" for name in self.known.cameras if name not in sensed.depth}
         views, pixels, images = [], [], []
         for name, depth in sensed.depth.items():
-            view = View.of(self._known.cameras[name], depth)
+            view = View.of(self.known.cameras[name], depth)
             if why := clouds.misplaced(view, expected[name]):
                 left_out[name] = why
                 continue
@@ -171,7 +185,7 @@ class Localizer:
         """Adds the items that are among the points to `found`; returns the points that are of none."""
         for merged in (False, *[True] * _ROUNDS):
             models = [model for name, model in self._models.items() if name not in found]
-            groups = [cloud.of(group) for group in clouds.clusters(cloud.points, *self._known.bounds)]
+            groups = [cloud.of(group) for group in clouds.clusters(cloud.points, *self.known.bounds)]
             matches = matching.match(models, groups[: 2 * len(self._models)], cloud, views, merged)
             for match, group in sorted(matches, key=lambda each: each[0].cost):
                 if not self._overlaps_twin(match, found):

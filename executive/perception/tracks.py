@@ -46,8 +46,8 @@ _MISSED = 1e-3
 _ANYWHERE = 0.5
 """1/m^3: the density of where a thing is of which nothing is known."""
 
-_HIDDEN = 1e-4
-"""1/m^3: the weight of a thing's not being seen where something else is that may be it."""
+_HIDDEN, _NOT_YET_SEEN = 0.1, 0.5
+"""The probability that a thing is not found at one moment, if it was found before, and if it never was."""
 
 _EXCHANGED = 1.0
 """1/s: how often two things are exchanged that nobody watches. Nothing is known about that; with this, three seconds
@@ -165,8 +165,7 @@ class Tracks:
         if not count:
             return {}
         likelihood = np.array([[self._density(self._tracks[track], at, time) for at in detections] for track in loose])
-        # What was never seen may well be hidden.
-        absent = np.array([_HIDDEN if self._tracks[track].position is not None else _ANYWHERE for track in loose])
+        absent = np.array([_NOT_YET_SEEN if self._tracks[track].position is None else _HIDDEN for track in loose])
         gain = np.log(np.maximum(likelihood, 1e-300)) - np.log(absent)[:, None]
         rows, columns = linear_sum_assignment(gain, maximize=True)
         chosen = {loose[row]: int(column) for row, column in zip(rows, columns, strict=True)}

@@ -16,7 +16,7 @@ import mujoco
 
 from executive.sim.scene import ItemShape
 from executive.sim.spec import RegionSpec, TableSpec
-from executive.types import FloatArray, PosesEstimated
+from executive.types import FloatArray, PointCloud, PosesEstimated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +61,10 @@ class PoseSource(Protocol):
 
     def now(self) -> PosesEstimated:
         """The poses at this moment."""
+        ...
+
+    def cloud(self) -> PointCloud:
+        """Some of the points that the last poses were estimated from, for those who watch."""
         ...
 
 

@@ -20,7 +20,7 @@ from executive.sim import viewer_geometry as scenery
 from executive.sim.rendering import Drawing, sensed
 from executive.sim.robot_api import ArmLimits, Handle, PoseSource
 from executive.sim.spec import SceneSpec, read_scene
-from executive.types import DepthImage, FloatArray, Frame, Image, Observation, PosesEstimated, Scenery
+from executive.types import DepthImage, FloatArray, Frame, Image, Observation, PosesEstimated, Scenery, Watched
 from executive.util.arrays import parse_arrays
 from executive.util.timeout import exclusive
 
@@ -124,7 +124,7 @@ class MujocoWorld:
         self._estimate: PosesEstimated | None = None
         self._scheduled: list[tuple[float, int, Callable[[], None]]] = []
         self._ids = itertools.count()
-        self._listener: Callable[[Frame | PosesEstimated], None] | None = None
+        self._listener: Callable[[Watched], None] | None = None
         self._next_frame = 0.0
         self._observations = itertools.count(first_observation)
         self.drawing = Drawing(self.model, self.spec, seed)
@@ -272,7 +272,7 @@ class MujocoWorld:
     def scenery(self) -> Scenery:
         return scenery.of(self.model, self.spec)
 
-    def watch(self, listener: Callable[[Frame | PosesEstimated], None] | None) -> None:
+    def watch(self, listener: Callable[[Watched], None] | None) -> None:
         self._listener = listener
         self._next_frame = self._next_film = self.time
 
@@ -297,7 +297,7 @@ class MujocoWorld:
         if self.localizer is None:
             pose = self.pose(item)
         else:
-            self._estimate = self.localizer.now()
+            self._estimate = self._localized(self.localizer)
             if item not in self._estimate.poses:
                 return None
             pose = np.array(self._estimate.poses[item].pose)
@@ -311,7 +311,7 @@ class MujocoWorld:
     def obstacles(self) -> dict[str, FloatArray]:
         if self.localizer is None:
             return self.poses()
-        self._estimate = self.localizer.now()
+        self._estimate = self._localized(self.localizer)
         found = {item: np.array(estimate.pose) for item, estimate in self._estimate.poses.items()}
         return found | unknown.covered(self._estimate.lumps)
 
@@ -347,13 +347,17 @@ class MujocoWorld:
             self._listener(self.frame())
         if self.film_period and self.localizer is not None and self.time >= self._next_film:
             self._next_film = self.time + self.film_period
-            self._film(self.localizer.now())
+            estimate = self._localized(self.localizer)
+            if self._listener is not None and estimate is self._told:
+                self._listener(estimate)
 
-    def _film(self, estimate: PosesEstimated) -> None:
-        """Tells those who watch where things are by what the cameras see, if that is news."""
+    def _localized(self, localizer: PoseSource) -> PosesEstimated:
+        """Where things are by what the cameras see; if that is news, those who watch are shown from which points."""
+        estimate = localizer.now()
         if self._listener is not None and (self._told is None or estimate.differs_from(self._told, _NEWS)):
             self._told = estimate
-            self._listener(estimate)
+            self._listener(localizer.cloud())
+        return estimate
 
     def frame(self) -> Frame:
         """Where every body that can move is."""

@@ -38,7 +38,17 @@ from executive.types.observations import (
     Remembered,
     Verdict,
 )
-from executive.types.scenes import Camera, EstimatedPose, Frame, Geometry, Lump, PosesEstimated, Scenery
+from executive.types.scenes import (
+    Camera,
+    EstimatedPose,
+    Frame,
+    Geometry,
+    Lump,
+    PointCloud,
+    PosesEstimated,
+    Scenery,
+    Watched,
+)
 from executive.types.tasks import Effect, Fluent, NoPlan, NoPlanReason, Plan, Probed, Step, Task
 from executive.types.visibility import Visibility
 
@@ -89,6 +99,7 @@ __all__ = [
     "Phase",
     "PictureFault",
     "Plan",
+    "PointCloud",
     "PosesEstimated",
     "Probed",
     "Questions",
@@ -106,6 +117,7 @@ __all__ = [
     "Timing",
     "Verdict",
     "Visibility",
+    "Watched",
 ]
 
 former_names.give_reason(Decision, Ended)

@@ -10,7 +10,7 @@ from executive.types.actions import Dispatched, Motion, Moved, Phase, SkillResul
 from executive.types.decisions import Cause, Caused, Decision, OutcomeKind
 from executive.types.facts import Facts
 from executive.types.observations import Belief, Blinded, Guarded, Judged, Looked, Observation, Questions, Verdict
-from executive.types.scenes import Frame, PosesEstimated, Scenery
+from executive.types.scenes import Frame, PointCloud, PosesEstimated, Scenery
 from executive.types.tasks import NoPlan, Plan, Probed, Task
 
 
@@ -108,6 +108,7 @@ Payload: TypeAlias = (
     | Scenery
     | Observation
     | PosesEstimated
+    | PointCloud
     | Belief
     | Plan
     | NoPlan

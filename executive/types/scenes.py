@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +66,15 @@ class Scenery:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PointCloud:
+    """Points (N, 3) in m, world frame, and their colours (N, 3), uint8: some of what depth cameras measured of things
+    that are neither furniture nor robot. Only for visualisation."""
+
+    points: npt.NDArray[np.float32]
+    colours: npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class EstimatedPose:
     """Where an item is by what was measured.
 
@@ -123,3 +133,7 @@ class PosesEstimated:
             for name, row in self.identity.items()
             for label, chance in row.items()
         )
+
+
+Watched: TypeAlias = Frame | PosesEstimated | PointCloud
+"""What those who watch a world are told."""

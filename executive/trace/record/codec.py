@@ -29,7 +29,8 @@ JsonValue = Any
 RECORDED: Mapping[str, type] = {
     cls.__name__: cls
     for cls in get_args(values.Payload)
-    if cls not in (values.Scenery, values.Frame)  # for display alone, and bulky: the viewer's file has them
+    if cls
+    not in (values.Scenery, values.Frame, values.PointCloud)  # for display alone, and bulky: the viewer's file has them
 }
 """The payload types that a record may hold, by name."""
 

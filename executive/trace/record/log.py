@@ -10,7 +10,8 @@ A decision and the end have their reasons as codes with parameters (`causes`) an
 before there were codes have the words alone, and are read with the code `recorded`; so is one with a code of a later
 release.
 
-What is for display alone (`Scenery`, `Frame`) is not recorded here, and of a motion at most `MOTION_POINTS` points.
+What is for display alone (`Scenery`, `Frame`, `PointCloud`) is not recorded here, and of a motion at most
+`MOTION_POINTS` points.
 """
 
 from __future__ import annotations

@@ -148,7 +148,8 @@ def _picture(name: str) -> rrb.Spatial2DView:
 
 def _scene(cameras: Sequence[Camera]) -> rrb.Spatial3DView:
     eye, target = viewpoint(cameras)
-    notes = [f"- /{CAMERAS}/{camera.name}/{note}" for camera in cameras for note in ("border", "caption")]
+    # What was measured of the room is grey noise around it: of interest are the points of what was found.
+    notes = [f"- /{CAMERAS}/{camera.name}/{note}" for camera in cameras for note in ("border", "caption", DEPTH)]
     return rrb.Spatial3DView(
         origin=WORLD,
         contents=["+ $origin/**", *notes],

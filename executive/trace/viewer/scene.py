@@ -16,7 +16,18 @@ from executive.trace.viewer.grasp_detection import Grip
 from executive.trace.viewer.parts import mesh, pinhole, stamp, time_columns
 from executive.trace.viewer.poses import PoseMarks
 from executive.trace.viewer.text_panels import plain
-from executive.types import Camera, Event, FloatArray, Frame, LookKind, Motion, Observation, PosesEstimated, Scenery
+from executive.types import (
+    Camera,
+    Event,
+    FloatArray,
+    Frame,
+    LookKind,
+    Motion,
+    Observation,
+    PointCloud,
+    PosesEstimated,
+    Scenery,
+)
 
 _STILL = 2e-4
 """A body whose pose (m, quaternion) differs by no more than this from what was logged last has not moved."""
@@ -109,7 +120,7 @@ class Scene:
             picture = rr.EncodedImage(contents=to_jpeg(image), media_type="image/jpeg")
             self._record.log(_camera(name), picture)
         for name, depth in observation.depth.items():
-            # Beside the picture, so that either can be looked at; in space, under the camera, it is a cloud of points.
+            # Beside the picture, so that either can be looked at; in a view of space it would be a cloud of points.
             cloud = rr.DepthImage(
                 depth, meter=1000.0, depth_range=_DEPTHS, colormap="grayscale", point_fill_ratio=_FILL
             )
@@ -117,10 +128,17 @@ class Scene:
 
     def show_poses(self, estimate: PosesEstimated) -> None:
         """Where items are taken to be."""
+        self._marks().show(estimate)
+
+    def show_cloud(self, cloud: PointCloud) -> None:
+        """What depth cameras measured of them."""
+        self._marks().show_cloud(cloud)
+
+    def _marks(self) -> PoseMarks:
         if self._pose_marks is None:
             boxes = {self._owner(body): box for body, box in self._boxes.items()}
             self._pose_marks = PoseMarks(self._record, boxes)
-        self._pose_marks.show(estimate)
+        return self._pose_marks
 
     def show_look(self, look: LookLine, seen_in: Mapping[str, int], blinded: Mapping[str, str]) -> None:
         """Which cameras took part in a look: a frame around their pictures, and a word where a picture is an old one or

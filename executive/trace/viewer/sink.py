@@ -60,6 +60,7 @@ from executive.types import (
     Payload,
     Phase,
     Plan,
+    PointCloud,
     PosesEstimated,
     Scenery,
     SkillResult,
@@ -144,6 +145,8 @@ class RerunSink:
                 self._scene.show_pictures(payload)
             case PosesEstimated():
                 self._scene.show_poses(payload)
+            case PointCloud():
+                self._scene.show_cloud(payload)
             case Looked() | Judged():
                 self._show_look()
             case Plan():

@@ -48,6 +48,7 @@ from executive.types import (
     Payload,
     Phase,
     Plan,
+    PointCloud,
     PosesEstimated,
     Probed,
     Questions,
@@ -194,6 +195,7 @@ RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
         PosesEstimated, st.dictionaries(texts, estimated_poses, max_size=2), st.lists(texts, max_size=2).map(tuple),
         st.lists(st.builds(Lump, numbers(3), numbers(3)), max_size=2).map(tuple),
         st.dictionaries(texts, texts, max_size=2),
+        st.dictionaries(texts, st.dictionaries(texts, st.floats(0, 1), max_size=2), max_size=2),
     ),
     Belief: beliefs(),
     Plan: plans,
@@ -227,7 +229,7 @@ RECORDED: Mapping[type, st.SearchStrategy[Payload]] = {
 payloads: st.SearchStrategy[Payload] = st.one_of(*RECORDED.values())
 events = st.builds(Event, counts, seconds, seconds, payloads)
 
-assert {*RECORDED, Scenery, Frame} == set(get_args(Payload)), "a payload type has no strategy"
+assert {*RECORDED, Scenery, Frame, PointCloud} == set(get_args(Payload)), "a payload type has no strategy"
 
 
 def same(a: Any, b: Any) -> bool:

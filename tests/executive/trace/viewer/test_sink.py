@@ -27,6 +27,7 @@ from executive.types import (
     Lump,
     Observation,
     Phase,
+    PointCloud,
     PosesEstimated,
     Scenery,
 )
@@ -129,6 +130,25 @@ def test_depth_and_estimated_poses_are_in_space(tmp_path: Path) -> None:
     assert shown.moving[f"/world/estimated/{item}/uncertainty"] == 1
     assert shown.moving["/world/estimated/unknown"] == 2
     assert any("depth of side is not used" in text for text in shown.texts)
+
+
+def test_what_was_measured_and_where_identical_items_came_from_are_in_space(tmp_path: Path) -> None:
+    events = synthetic_events()
+    look = next(event for event in events if isinstance(event.payload, Observation))
+    one, other, *_ = ITEMS
+    steps = []
+    for number in range(4):
+        moving = EstimatedPose(np.array([0.1 * number, 0, 0.9, 1, 0, 0, 0]), 1e-6 * np.eye(6), 0.001, ())
+        still = replace(moving, pose=np.array([0.4, 0.4, 0.9, 1, 0, 0, 0]))
+        sure = 1.0 - 0.15 * number
+        identity = {one: {one: sure, other: 1 - sure}, other: {one: 1 - sure, other: sure}}
+        steps.append(replace(look, payload=PointCloud(np.zeros((5, 3), np.float32), np.zeros((5, 3), np.uint8))))
+        steps.append(replace(look, payload=PosesEstimated({one: moving, other: still}, identity=identity)))
+    shown = Contents(written(tmp_path, [*events[: events.index(look) + 1], *steps]))
+    assert shown.moving["/world/estimated/points"] == 4
+    assert shown.moving[f"/world/estimated/tracks/{one}"] == 4, "it grows as the item moves"
+    assert shown.moving[f"/world/estimated/tracks/{other}"] == 1
+    assert shown.moving[f"/world/estimated/tracks/{one}/label"] == 4
 
 
 def test_atoms_that_never_changed_nor_surprised_are_left_out(contents: Contents) -> None:
