@@ -2,11 +2,13 @@
 
     python -m benchmarks.look
     python -m benchmarks.look --busy 3      # beside three processes that compute all the time
+    python -m benchmarks.look --process     # by a model in a process of its own, as a run has it, too
 
 Medians of wall time on this machine, in seconds, and of the CPU time of all threads where that is said. `load` is a
 fresh process from nothing to a model that is ready, with the time of importing torch and transformers in it and named
 apart. With `--busy`, quiet looks and looks beside such processes take turns, and nothing else is measured; what counts
-is their ratio. How busy the machine is with other things stands beside it: the load when it began.
+is their ratio; so it is with `--process`, and there that of the quickest looks, from which nobody took the core. The
+load when it began, which stands beside it, says how busy the machine is with other things.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
+    from executive.s3e import Backend
     from executive.sim.world import MujocoWorld
     from executive.types import Belief, Observation
 
@@ -44,8 +47,9 @@ import torch, transformers.models.auto.modeling_auto, transformers.models.fast_v
 import transformers.models.qwen2.modeling_qwen2, transformers.models.resnet.modeling_resnet
 imported = time.perf_counter()
 from executive.domain.loader import load_subject
-from executive.app.estimators import EyeConfig, open_eye
-open_eye(EyeConfig(vlm=sys.argv[2]) if sys.argv[2] else EyeConfig(), load_subject(sys.argv[1]))
+from executive.app.config import EstimatorConfig
+from executive.app.estimators import open_estimator
+open_estimator(EstimatorConfig(vlm=sys.argv[2] or None), load_subject(sys.argv[1]))
 print(json.dumps([imported - began, time.perf_counter() - imported]))
 """
 
@@ -62,7 +66,8 @@ def main() -> None:
 
     requirements.require()
     arguments = _arguments()
-    row = _quiet_and_busy(arguments) if arguments.busy else _alone(arguments)
+    measure = _quiet_and_busy if arguments.busy else _here_and_there if arguments.process else _alone
+    row = measure(arguments)
     if arguments.json:
         print(json.dumps(row, indent=2))
         return
@@ -94,6 +99,30 @@ def _quiet_and_busy(arguments: argparse.Namespace) -> dict[str, float]:
         "ratio": _median(busy) / _median(quiet),
         "quiet look, CPU time": statistics.median(each.cpu for each in quiet),
         "busy look, CPU time": statistics.median(each.cpu for each in busy),
+    }
+
+
+def _here_and_there(arguments: argparse.Namespace) -> dict[str, float]:
+    """Looks by a model in this process and by one in its own, by turns; and whether they answer the same."""
+    from executive.s3e.backends.own_process import OwnProcess
+
+    load, here, there = os.getloadavg()[0], list[_Taken](), list[_Taken]()
+    with (
+        _opened(arguments.domain, arguments.vlm) as (ask, world),
+        _opened(arguments.domain, arguments.vlm, OwnProcess) as (ask_there, _),
+    ):
+        seen = world.observe()
+        mine, other = ask(seen).probability, ask_there(seen).probability
+        for _ in range(max(1, arguments.looks)):
+            here += _timed(lambda: ask(world.observe()), 1)
+            there += _timed(lambda: ask_there(world.observe()), 1)
+    return {
+        "load of the machine before": load,
+        "look, model in this process": _median(here),
+        "look, model in its own process": _median(there),
+        "ratio": _median(there) / _median(here),
+        "ratio of the quickest": min(each.wall for each in there) / min(each.wall for each in here),
+        "largest difference of answers": max(abs(mine[atom] - other[atom]) for atom in mine),
     }
 
 
@@ -129,7 +158,9 @@ def _looks(name: str, vlm: str | None, count: int) -> dict[str, float]:
 
 
 @contextmanager
-def _opened(name: str, vlm: str | None) -> Iterator[tuple[Callable[[Observation], Belief], MujocoWorld]]:
+def _opened(
+    name: str, vlm: str | None, load: Callable[[str], Backend] | None = None
+) -> Iterator[tuple[Callable[[Observation], Belief], MujocoWorld]]:
     """What answers all questions of a domain about pictures, and the world to take them of; both warmed up."""
     from executive.app.config import EstimatorConfig
     from executive.app.estimators import open_estimator
@@ -137,7 +168,7 @@ def _opened(name: str, vlm: str | None) -> Iterator[tuple[Callable[[Observation]
     from executive.sim.world import MujocoWorld
 
     domain = load_domain(name)
-    estimator = open_estimator(EstimatorConfig(vlm=vlm), domain.subject)
+    estimator = open_estimator(EstimatorConfig(vlm=vlm), domain.subject, load)
     world = MujocoWorld(domain.scene, domain.task.objects)
     try:
         estimator.estimate(world.observe(), domain.task.atoms)
@@ -165,6 +196,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--vlm", help="another model than the shipped one")
     parser.add_argument("--looks", type=int, default=30)
     parser.add_argument("--busy", type=int, default=0, metavar="N", help="look beside so many busy processes, too")
+    parser.add_argument("--process", action="store_true", help="look by a model in a process of its own, too")
     parser.add_argument("--json", action="store_true")
     return parser.parse_args()
 

@@ -35,6 +35,7 @@ from executive.types import (
     Ended,
     Facts,
     Judged,
+    LookCause,
     NoPlan,
     Plan,
     Probed,
@@ -147,7 +148,7 @@ class Executive:
             self._emit(Belief.certain(self.run_state.known))
             return Decision(DecisionKind.CONTINUE, (Cause(Reason.INITIAL_STATE_GIVEN),))
         self._in_time()
-        self._weigh(self.observer.look_at_all(self.run_state, "first look"))
+        self._weigh(self.observer.look_at_all(self.run_state, LookCause.FIRST))
         while True:
             atoms, looks = self.run_state.task.atoms, self.run_state.moment.looks
             hidden = self.run_state.hidden
@@ -155,7 +156,7 @@ class Executive:
             if decision.kind is not DecisionKind.LOOK_AGAIN:
                 return decision
             self._in_time()
-            self._weigh(self.observer.look_again(self.run_state, "first look", decision.evidence))
+            self._weigh(self.observer.look_again(self.run_state, LookCause.FIRST, decision.evidence))
 
     def _make_plan(self) -> Decision:
         """2 and 5. Plan from what is believed."""
@@ -168,7 +169,7 @@ class Executive:
             )
             if self._decide(decision).kind is DecisionKind.LOOK_AGAIN:
                 self._in_time()
-                self._weigh(self.observer.look_again(self.run_state, "there is no plan", decision.evidence))
+                self._weigh(self.observer.look_again(self.run_state, LookCause.NO_PLAN, decision.evidence))
             elif decision.kind is DecisionKind.GIVE_UP_GOAL:
                 if self.is_blind or (found := self.queries.optimistic(self.run_state)) is None:
                     return self._give_up(decision, is_stuck=bool(plan.without))
@@ -211,7 +212,7 @@ class Executive:
             self._in_time()
             self.observer.begin_moment()
             self.run_state = self.run_state.waiting(self.monitor.acted(self.run_state.memory, None))
-            self._weigh(self.observer.look(self.run_state, f"before {step}"))
+            self._weigh(self.observer.look(self.run_state, LookCause.BEFORE.about(step)))
             waits += 1
 
     def _see_first(self, step: Step) -> Decision | None:
@@ -224,7 +225,7 @@ class Executive:
 
     def _judge(self, result: SkillResult) -> Decision:
         """Compare the step's expected effects with what is seen, and decide."""
-        cause = f"after {result.step}"
+        cause = LookCause.AFTER.about(result.step)
         self._in_time()
         self.observer.begin_moment()
         memory = self.monitor.acted(self.run_state.memory, result.step, result)
@@ -253,7 +254,7 @@ class Executive:
         """6. Done means that the goal is seen to hold, in a full look."""
         if self.is_blind:
             return self._decide(policy.finish_blind(self.run_state.goal))
-        cause, checks = "is the goal reached?", 1
+        cause, checks = LookCause.GOAL, 1
         if not self.run_state.asked_all:
             self._in_time()
             self._weigh(self.observer.look_at_all(self.run_state, cause))

@@ -21,6 +21,7 @@ from executive.types import (
     Belief,
     Blinded,
     Image,
+    LookCause,
     Looked,
     LookKind,
     Observation,
@@ -149,7 +150,9 @@ class CameraObserver:
     def glance(self, atom: Atom) -> Belief:
         """Ask about one atom in the middle of a skill."""
         began = time.monotonic()
-        observation = self._world.observe(f"is {atom} so?", self._attention.guard or self._attention.shown or None)
+        observation = self._world.observe(
+            LookCause.GLANCE.about(atom), self._attention.guard or self._attention.shown or None
+        )
         self._session.emit(observation)
         images = self._usable(observation)
         belief = self._ask(observation, images, [atom])

@@ -28,6 +28,7 @@ from executive.core.session import Session
 from executive.errors import ExecutiveError
 from executive.protocols import SkillContext
 from executive.replay.record import Action, Decided, Part, Record, same_causes
+from executive.trace.phrases import look_cause
 from executive.types import (
     Atom,
     Condition,
@@ -107,7 +108,7 @@ class _Reel:
             if isinstance(part, Look):
                 self._at = number + 1
                 return part
-        self._end(f"it looks again ({cause})")
+        self._end(f"it looks again ({look_cause(cause)})")
 
     def plan(
         self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = math.inf

@@ -14,15 +14,33 @@ import numpy as np
 from executive.types.facts import Atom, DepthImage, Facts, FloatArray, Image
 
 
+class LookCause(StrEnum):
+    """Why a look is taken. In an `Observation`, what it is about follows the code: `after pick(lemon,wood-table)`."""
+
+    FIRST = "first-look"
+    NO_PLAN = "no-plan"
+    BEFORE = "before"
+    """A step."""
+    AFTER = "after"
+    """A step."""
+    GOAL = "goal"
+    GLANCE = "glance"
+    """At an atom, while a skill goes on."""
+
+    def about(self, subject: object) -> str:
+        """Return the code with what it is about."""
+        return f"{self.value} {subject}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
     """The robot's sensor readings at one moment.
 
     `images` maps a camera's name to an (H, W, 3) uint8 RGB picture; `joints` are the arm's joint positions in rad;
-    `time` is the world's clock in seconds; `cause` is why the look was taken (only for the trace). `noisy` says that
-    the pictures have sensor noise, so that two identical pictures are one frozen picture. `depth` maps the name
-    of a camera that measures depth to an (H, W) uint16 picture of the same view: the distance along the optical axis in
-    mm, 0 where nothing was measured.
+    `time` is the world's clock in seconds; `cause` is why the look was taken, in terms of `LookCause` (only for the
+    trace). `noisy` says that the pictures have sensor noise, so that two identical pictures are one frozen picture.
+    `depth` maps the name of a camera that measures depth to an (H, W) uint16 picture of the same view: the distance
+    along the optical axis in mm, 0 where nothing was measured.
     """
 
     id: int

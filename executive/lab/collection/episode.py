@@ -30,7 +30,7 @@ from executive.protocols import SkillContext
 from executive.sim.initial_state import InitialState
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
-from executive.types import Facts, News, Phase, SkillResult, SkillStatus, Step
+from executive.types import Facts, LookCause, News, Phase, SkillResult, SkillStatus, Step
 
 MOST_FAILURES = 5
 """In a row (Appendix D, step 5)."""
@@ -164,7 +164,7 @@ class Collector:
             return SkillResult(step, SkillStatus.CRASHED, f"{type(error).__name__}: {error}")
 
     def _point(self, number: int, index: int, step: Step, world: MujocoWorld, before: Facts, facts: Facts) -> Point:
-        look = world.observe(f"after {step}")
+        look = world.observe(LookCause.AFTER.about(step))
         changes = step.changes(self.domain.task.derived.complete(before))
         return Point(
             seed=self._seed,

@@ -17,6 +17,7 @@ from executive.types import (
     FaultInjected,
     Ground,
     Guarded,
+    LookCause,
     LookKind,
     Moved,
     NoPlan,
@@ -52,6 +53,22 @@ _LOOKS: Mapping[LookKind, str] = {
 }
 
 
+_CAUSES: Mapping[str, str] = {
+    LookCause.FIRST: "first look",
+    LookCause.NO_PLAN: "there is no plan",
+    LookCause.BEFORE: "before {about}",
+    LookCause.AFTER: "after {about}",
+    LookCause.GOAL: "is the goal reached?",
+    LookCause.GLANCE: "is {about} so?",
+}
+
+
+def look_cause(cause: str) -> str:
+    """Why a look is taken. Records from before there were codes have it in words."""
+    code, _, about = cause.partition(" ")
+    return _CAUSES[code].format(about=about) if code in _CAUSES else cause
+
+
 def look(
     number: int,
     cause: str,
@@ -61,7 +78,7 @@ def look(
     cameras: Iterable[str] = (),
 ) -> str:
     """A look, why it is taken and, once that is known, what it asks about and through which cameras."""
-    head = f"look {number} ({cause})" if cause else f"look {number}"
+    head = f"look {number} ({look_cause(cause)})" if cause else f"look {number}"
     if kind is None:
         return f"{head}: {plural(questions, 'atom')}" if questions else head
     through = f" through {', '.join(cameras)}" if cameras else ""

@@ -189,7 +189,7 @@ def test_06_what_is_waited_for_is_no_error_of_the_eye() -> None:
     ended = stage.play()
     assert (ended.outcome, ended.actions, ended.replans) == (OutcomeKind.GOAL_REACHED, 2, 1)
     causes = [look.cause for look in stage.recorder.of(Observation)]
-    assert causes == ["first look", "after pick(a,p)", "after pick(a,p)", "before place(a,q)", "after place(a,q)"]
+    assert causes == ["first-look", "after pick(a,p)", "after pick(a,p)", "before place(a,q)", "after place(a,q)"]
 
 
 def test_07_a_change_between_planning_and_dispatch_is_a_result_not_a_crash() -> None:

@@ -22,6 +22,7 @@ from executive.types import (
     FaultInjected,
     Ground,
     Guarded,
+    LookCause,
     LookKind,
     NoPlan,
     NoPlanReason,
@@ -102,6 +103,15 @@ def test_a_look_says_what_it_asks_about_and_through_which_cameras(kind: LookKind
     assert ("3 of 9" in told) == (kind not in (LookKind.FULL, LookKind.GUARD))
     assert told.endswith("through front, hand")
     assert phrases.look(7, "", kind, 3, 9).rstrip(",") == phrases.look(7, "", kind, 3, 9)
+
+
+def test_every_cause_of_a_look_is_put_into_words_and_words_of_former_records_stay() -> None:
+    told = {phrases.look_cause(cause.about("on(a,b)")) for cause in LookCause}
+    assert len(told) == len(LookCause)
+    assert not any("{" in text for text in told)
+    assert phrases.look_cause(LookCause.GOAL) == "is the goal reached?"
+    for former in ("is the goal reached?", "first look", "there is no plan", "is held(a) so?", ""):
+        assert phrases.look_cause(former) == former
 
 
 def test_counts_agree_with_their_nouns() -> None:
