@@ -394,11 +394,11 @@ class BayesMonitor:
         return mixed
 
     def _hidden(self, marginal: Mapping[Atom, float]) -> frozenset[Atom]:
-        """Return the atoms that are believed to be hidden."""
+        """Return the atoms that are not believed to be visible."""
         if not self.visibility:
             return frozenset()
         truth = {atom: self._truth(atom, value) for atom, value in marginal.items()}
-        return self.visibility.covered({atom: value for atom, value in truth.items() if value is not None})
+        return self.visibility.hidden({atom: value for atom, value in truth.items() if value is not None})
 
     def _truth(self, atom: Atom, probability: float) -> bool | None:
         return self.thresholds.get(atom.predicate, DEFAULT_THRESHOLDS).truth(probability)
