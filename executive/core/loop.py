@@ -278,10 +278,10 @@ class Executive:
             self._weigh(self.observer.look_again(run_state, cause, decision.evidence))
             checks += 1
 
-    def _look_for(self, atoms: tuple[Atom, ...], plan: Plan) -> Decision:
-        """Take up a plan to see what the goal hangs on."""
-        self._decide(policy.look_for(atoms))
-        self.run_state = self.run_state.looking_for(atoms)
+    def _look_for(self, atom: Atom, plan: Plan) -> Decision:
+        """Take up a plan to see what the goal or a step hangs on."""
+        self._decide(policy.look_for(atom))
+        self.run_state = self.run_state.looking_for(atom)
         return self._take_up(plan, self.run_state.goal)
 
     def _take_up_optimistic(self, found: OptimisticPlan) -> Decision:

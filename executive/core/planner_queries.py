@@ -6,6 +6,7 @@ Every answer that is not carried out is emitted as `Probed`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -16,6 +17,9 @@ from executive.core.run_state import RunState, StuckSteps
 from executive.core.session import Session
 from executive.protocols import Planner
 from executive.types import ALWAYS, Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Probed, Step, Verdict
+
+MOST_TO_SEE, TO_SEE_SECONDS = 8, 5.0
+"""How many atoms it is asked for at a time how to see them, and how many seconds that may take for each."""
 
 
 class PlannerQueries:
@@ -114,19 +118,23 @@ class PlannerQueries:
             return None
         return self._as_if(run_state, doubted[0], self._monitor.state_without(run_state.memory, doubted[0]))
 
-    def to_see(self, run_state: RunState, verdict: Verdict) -> tuple[tuple[Atom, ...], Plan] | None:
-        """The atoms that a condition hangs on and that cannot be seen now, and a plan to see them, all of them or else
-        the first that can be, which ends where the goal holds. Each is gone to see twice at most."""
-        hidden = run_state.hidden
-        wanted = tuple(atom for atom in sorted(verdict.unknown & hidden) if run_state.tried.count(atom) < 2)
+    def to_see(self, run_state: RunState, verdict: Verdict) -> tuple[Atom, Plan] | None:
+        """One of the atoms that a condition hangs on and that cannot be seen now, and a plan to see it, the cheapest,
+        which ends where the goal holds. Each is gone to see twice at most."""
+        unknown = sorted(verdict.unknown & run_state.hidden)
+        wanted = [atom for atom in unknown if run_state.tried.count(atom) < 2]
         if verdict.violated or not wanted:
             return None
-        for atoms in (wanted, *((atom,) for atom in wanted if len(wanted) > 1)):
-            there = Condition.all_of(run_state.task.visible[atom] for atom in atoms)
-            plan = self._plan(run_state, there, run_state.state, StuckSteps.NEVER)
+        found: list[tuple[float, Atom, Plan]] = []
+        for atom in wanted[:MOST_TO_SEE]:
+            there = run_state.task.visible[atom]
+            plan = self._plan(run_state, there, run_state.state, StuckSteps.NEVER, TO_SEE_SECONDS)
             self._emit(probed(there, plan))
-            if isinstance(plan, Plan) and (whole := self._and_back(run_state, plan)) is not None:
-                return atoms, whole
+            if isinstance(plan, Plan) and plan.steps:
+                found.append((plan.cost, atom, plan))
+        for _, atom, plan in sorted(found, key=lambda each: each[:2]):
+            if (whole := self._and_back(run_state, plan)) is not None:
+                return atom, whole
         return None
 
     def _and_back(self, run_state: RunState, plan: Plan) -> Plan | None:
@@ -135,7 +143,7 @@ class PlannerQueries:
         for step in plan.steps:
             state = progress(state, step, run_state.task.derived)
         if run_state.holds(run_state.goal, state):
-            return plan if plan.steps else None
+            return plan
         back = self._plan(run_state, run_state.goal, state, StuckSteps.NEVER)
         self._emit(probed(run_state.goal, back))
         if isinstance(back, NoPlan):
@@ -160,13 +168,15 @@ class PlannerQueries:
         kept, plan = largest_reachable(run_state.goal, plan_for, self._most)
         return kept, plan, bool(without)
 
-    def _plan(self, run_state: RunState, goal: Condition, state: Facts, allowed: StuckSteps) -> Plan | NoPlan:
+    def _plan(
+        self, run_state: RunState, goal: Condition, state: Facts, allowed: StuckSteps, most: float = math.inf
+    ) -> Plan | NoPlan:
         """Ask the planner; where its plan contains a stuck step, ask for one without it, and so on."""
         avoid: frozenset[Step] = frozenset()
         while True:
             left = self._in_time()
             with self._session.stage("plan"):
-                answer = self.planner.plan(state, goal, avoid, left)
+                answer = self.planner.plan(state, goal, avoid, min(left, most))
             answer = replace(answer, without=tuple(sorted(map(str, avoid))))
             stuck = frozenset() if isinstance(answer, NoPlan) else run_state.stuck_among(answer.steps, state, allowed)
             if not stuck:

@@ -303,9 +303,9 @@ def finish(
     return _stop(outcome, believed, evidence=unknown)
 
 
-def look_for(atoms: tuple[Atom, ...]) -> Decision:
-    """Some of what the goal or a step hangs on cannot be seen from here, and there is a plan to see it."""
-    return Decision(DecisionKind.REPLAN, (Cause(Reason.TO_BE_SEEN, atoms),), atoms)
+def look_for(atom: Atom) -> Decision:
+    """What the goal or a step hangs on cannot be seen from here, and there is a plan to see it."""
+    return Decision(DecisionKind.REPLAN, (Cause(Reason.TO_BE_SEEN, (atom,)),), (atom,))
 
 
 def finish_blind(goal: Condition) -> Decision:

@@ -357,9 +357,9 @@ class RunState:
         judgement = replace(self.judgement, state=state)
         return replace(self, known=state, judgement=judgement, tried=(*self.tried, doubted))
 
-    def looking_for(self, atoms: tuple[Atom, ...]) -> RunState:
-        """A plan is about to be carried out to see these."""
-        return replace(self, tried=(*self.tried, *atoms))
+    def looking_for(self, atom: Atom) -> RunState:
+        """A plan is about to be carried out to see it."""
+        return replace(self, tried=(*self.tried, atom))
 
     def giving_up(self, why: tuple[Cause, ...]) -> RunState:
         """Some of the goal is about to be left out of what is planned for."""
