@@ -23,7 +23,17 @@ from executive.skills.library import (
     spots_for,
     surface,
 )
-from executive.skills.manipulation import blockers, check_rests, move_aside, put, regrasp, table_under, take, uncover
+from executive.skills.manipulation import (
+    blockers,
+    check_rests,
+    move_aside,
+    nudge,
+    put,
+    regrasp,
+    table_under,
+    take,
+    uncover,
+)
 from executive.skills.surfaces import Surface
 from executive.skills.towers import carrier, check_stands, tower
 
@@ -48,6 +58,7 @@ __all__ = [
     "is_free",
     "look",
     "move_aside",
+    "nudge",
     "perform",
     "put",
     "reach",

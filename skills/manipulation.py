@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from executive.skills import grasps, surfaces, transforms
 from executive.skills.arm import Attempt, SkillError, go_home, withdraw
@@ -13,10 +14,13 @@ from executive.skills.library import (
     Way,
     approach,
     carry,
+    close_fist,
     grasp,
     grasps_of,
     in_hand,
+    is_free,
     look,
+    reach,
     region_of,
     release,
     retreat,
@@ -31,6 +35,15 @@ _LOOKS_AGAIN = 2
 
 _BESIDE = 0.12
 """m between two items within which one can be in the way of the hand that takes the other."""
+
+_NUDGE = 0.06
+"""m by which an item is dragged out of a corner."""
+
+_BEHIND = 0.45
+"""How far behind its middle the fingers press on such an item, as a share of half its length."""
+
+_FINGERTIP, _PRESS = 0.018, 0.005
+"""m from the grip point to the tips of closed fingers, and by which these are sent into what they press on."""
 
 _WAIT, _MOST_WAITS = 0.25, 40
 """Seconds from one look to the next at what was put on another item, and how many there are at most: a box takes some
@@ -106,7 +119,9 @@ def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> Non
     near = [name for name, far in away.items() if far - shapes[name].half.max() < _BESIDE + shapes[item].half.max()]
     found = blockers(attempt, near, lambda: grasps_of(attempt, item, pose, below, most=1))
     if not found:
-        raise failure
+        if below.is_item or not nudge(attempt, item, source):
+            raise failure
+        return
     for blocker in sorted(found, key=away.__getitem__):
         try:
             move_aside(attempt, blocker)
@@ -116,6 +131,39 @@ def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> Non
         else:
             return
     raise SkillError(SkillStatus.BLOCKED, f"{', '.join(found)} in the way of {item}", blockers=found)
+
+
+def nudge(attempt: Attempt, item: str, table: str) -> bool:
+    """Drags an item that stands in a corner a little towards the middle of its table, by closed fingers that press on
+    its top; returns False, without a motion, where it would tip over or that is out of reach.
+
+    Raises:
+        SkillError: whatever ends the motions.
+    """
+    pose, middle, shape = look(attempt, item), surface(attempt, table).centre, attempt.handle.shapes[item]
+    top = Surface.of_item(pose, shape).centre
+    away = (middle - top) * [1.0, 1.0, 0.0]
+    along = away / max(float(np.linalg.norm(away)), 1e-6)
+    half = shape.reach(pose[:3, :3].T @ along)
+    # Pressed on behind its middle, it turns about its front edge only if it is higher than that is far away.
+    if np.linalg.norm(away) < _NUDGE or top[2] - middle[2] > (1.0 + _BEHIND) * half - 0.005:
+        return False
+    down = np.linspace(0.08, 0.0, 5)[:, None] * [0.0, 0.0, 1.0]
+    on = np.arange(0.01, _NUDGE + 0.005, 0.01)[:, None] * along
+    close_fist(attempt)
+    ways = []
+    for turn in np.linspace(0.0, np.pi, 4, endpoint=False):
+        hand = np.eye(4)
+        hand[:3, :3] = Rotation.from_euler("z", turn).as_matrix() @ np.diag([1.0, -1.0, -1.0])
+        hand[:3, 3] = top - _BEHIND * half * along + [0.0, 0.0, _FINGERTIP - _PRESS]
+        out = np.concatenate([on, on[-1] + down[-2::-1]])
+        way = reach(attempt, hand, down, out, lambda way: is_free(attempt, [*way.into, *way.out], ignored=[item]))
+        ways += [] if way is None else [way]
+    if ways:
+        attempt.phase("nudge", item)
+        attempt.move("nudge", approach(attempt, ways, item).out, speed=0.3)
+    attempt.open_gripper()
+    return bool(ways)
 
 
 def uncover(attempt: Attempt, item: str) -> bool:

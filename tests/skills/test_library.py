@@ -180,6 +180,25 @@ def test_what_fits_on_its_end_alone_is_stood_on_its_end(tmp_path: Path) -> None:
     assert robot.world.pose("bar")[2] == pytest.approx(0.83 + 0.07, abs=0.003)
 
 
+def test_what_stands_in_a_corner_is_dragged_out_of_it(tmp_path: Path) -> None:
+    """Walls at two of its sides leave no room for a finger."""
+    box = '[[item]]\nname = "box"\nshape = "box"\nsize = [0.06, 0.07, 0.045]\nmass = 0.05\n'
+    walls = [
+        f'[[table]]\nname = "wall-{side}"\ncentre = [{x}, {y}, 0.84]\nsize = [{deep}, {wide}, 0.04]\n'
+        for side, x, y, deep, wide in (("far", 0.555, 0.05, 0.02, 0.2), ("left", 0.46, 0.155, 0.2, 0.02))
+    ]
+    file = tmp_path / "scene.toml"
+    file.write_text("\n".join([SCENE.read_text(encoding="utf-8"), box, *walls]), encoding="utf-8")
+    tables = ("wall-far", "wall-left", *TABLES)
+    robot = Robot(MujocoWorld(file, {"box": "item", **dict.fromkeys(tables, "table")}, placed={"box": "white-table"}))
+    robot.world.put("box", np.array([0.545 - 0.033, 0.145 - 0.038, 0.8235, 1.0, 0.0, 0.0, 0.0]))
+    robot.world.settle(0.3)
+    result = robot.pick("box", "black-table")
+    assert result.done, result.reason
+    assert "nudge" in robot.phases()
+    assert robot.so("robot-gripping(box)")
+
+
 def test_where_another_grasp_is_needed_the_item_is_put_down_and_taken_otherwise(tmp_path: Path) -> None:
     """A channel of 5.2 cm between two walls, along y: the box of 6 x 4 x 6 cm goes in along it, but the fingers, which
     hold it across its 4 cm, do not."""
