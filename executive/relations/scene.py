@@ -13,7 +13,7 @@ from executive.relations import convex
 from executive.relations.convex import Part
 from executive.types import FloatArray
 
-CONTACT = 1e-5
+CONTACT = 2e-6
 """m within which two solids touch, where poses are exact: what rests on something is pressed into it a little."""
 
 
