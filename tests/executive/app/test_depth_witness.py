@@ -1,0 +1,47 @@
+"""What depth tells of atoms, and where it keeps silent: of what is remembered, and of what nobody knows in the hand."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.app.depth_witness import ABSENT, DepthWitness
+from executive.relations.kinds import read_relation_kinds
+from executive.types import Atom, EstimatedPose, Lump, PosesEstimated
+from tests.executive.perception.room import pose
+from tests.executive.perception.test_estimated_scene import CLOSED, OPEN, SCENES
+
+KINDS = read_relation_kinds({"at": "on", "held": "gripping", "free": "gripper-empty"}, {})
+RIGHT, HELD, FREE = Atom("at", ("box", "right")), Atom("held", ("box",)), Atom("free")
+LUMP = Lump(np.array([0.0, 0.0, 0.5]), np.full(3, 0.02))
+
+
+def seen(source: str = "seen", x: float = 0.2, z: float = 0.05) -> PosesEstimated:
+    return PosesEstimated({"box": EstimatedPose(pose(x, 0.0, z), 1e-6 * np.eye(6), 0.0, (), source)})
+
+
+@pytest.mark.parametrize(
+    ("poses", "width", "told"),
+    [
+        (seen(), OPEN, {RIGHT: 1.0, HELD: 0.0, FREE: 1.0}),
+        (seen("held", 0.0, 0.5), CLOSED, {RIGHT: 0.0, HELD: 1.0, FREE: 0.0}),
+        (seen("remembered"), OPEN, {FREE: 1.0}),
+        (seen(), CLOSED, {RIGHT: 1.0, HELD: 0.0}),
+        (PosesEstimated({}, ("box",)), OPEN, {RIGHT: ABSENT, HELD: ABSENT, FREE: 1.0}),
+        (PosesEstimated({}, ("box",), (LUMP,)), OPEN, {FREE: 1.0}),
+        (PosesEstimated({}, ("box",)), CLOSED, {}),
+    ],
+)
+def test_it_tells_what_it_can(poses: PosesEstimated, width: float, told: dict[Atom, float]) -> None:
+    world: Any = SimpleNamespace(
+        items=("box",),
+        localizer=SimpleNamespace(now=lambda: poses),
+        joints=lambda: np.zeros(6),
+        gripper_joints=lambda: np.zeros(6),
+        gripper_width=lambda: width,
+    )
+    look: Any = None
+    assert DepthWitness(world, SCENES, KINDS).testify(look, [RIGHT, HELD, FREE]) == told
