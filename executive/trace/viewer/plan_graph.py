@@ -18,6 +18,8 @@ ROWS, COLUMNS = 3, 10
 """How much is shown at once: rows, and steps in each; fewer where their names are long."""
 LETTER, FRAME = 7.0, 10.0
 """How wide a letter and a node's frame are, in the panel's units."""
+APART = 170.0
+"""How far the nodes of a short row are apart, unless their names are longer, in the panel's units."""
 MARGIN = 46.0
 """From the edge to the middle of a row's first and last node, in the panel's units."""
 
@@ -44,7 +46,9 @@ def plan_rows(story: Story) -> list[Row]:
 
 def plan_graph(rows: Sequence[Row]) -> tuple[rr.GraphNodes, rr.GraphEdges]:
     """The same as the viewer has it."""
-    across = min((GRAPH_WIDTH - 2 * MARGIN) / max([1, *(len(row.nodes) - 1 for row in rows)]), 170.0)
+    longest = max((len(line) for row in rows for _, label, _ in row.nodes for line in label.split("\n")), default=1)
+    widest = max(APART, LETTER * longest + FRAME)
+    across = min((GRAPH_WIDTH - 2 * MARGIN) / max([1, *(len(row.nodes) - 1 for row in rows)]), widest)
     down = GRAPH_HEIGHT / (len(rows) or 1)
     nodes = [node for row in rows for node in row.nodes]
     return (

@@ -82,3 +82,14 @@ def test_long_names_leave_room_for_fewer_steps_in_a_row() -> None:
     places = sorted((y, x) for x, y in nodes.positions.as_arrow_array().to_pylist())
     apart = [right - left for (y, left), (below, right) in pairwise(places) if y == below]
     assert min(apart) > len("elevator-number-one") * LETTER
+
+
+def test_steps_with_long_names_are_drawn_apart() -> None:
+    step = Step.strips("stack", ("large-purple-rubber-cylinder", "large-yellow-metal-cylinder"))
+    story = Story()
+    plan = Plan((step,) * 10, 1.0, "fake", 0.0)
+    story.plans.append(PlanLine(1, [StepLine(step, PENDING) for _ in range(10)], plan))
+    nodes, _ = plan_graph(plan_rows(story))
+    assert nodes.positions is not None
+    across = sorted({round(x, 3) for x, _ in nodes.positions.as_arrow_array().to_pylist()})
+    assert min(b - a for a, b in pairwise(across)) >= LETTER * len(step.args[0])
