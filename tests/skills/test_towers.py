@@ -9,7 +9,8 @@ import pytest
 
 from executive.sim.world import MujocoWorld
 from executive.skills import SkillError, carrier, check_stands, tower
-from executive.types import SkillStatus
+from executive.skills.move import move
+from executive.types import SkillStatus, Step
 from tests.skills.test_library import attempt
 from tests.skills.test_skills import Robot
 
@@ -75,3 +76,17 @@ def test_blocks_are_swapped_within_towers(standing: Robot) -> None:
     low, small = (2 * float(world.shapes[item].half[2]) for item in (LOW, FREE))
     assert heights(standing, LOW, FREE, TOP, MID) == pytest.approx([0.0, low, low + small, 0.0], abs=0.003)
     assert "one stands on the other" in world.disturb("swap", rng, item=LOW, **{"with": TOP})
+
+
+def test_a_block_is_moved_into_a_column_and_onto_what_stands_there() -> None:
+    objects = {"r": "block", "g": "block", "y": "block", "c1": "column", "c3": "column"}
+    world = MujocoWorld(
+        FOLDER / "columns" / "scene.toml", objects, seed=1, regions={"r": "c1", "g": "c3"}, stacked={"y": "r"}
+    )
+    robot = Robot(world)
+    result = move(Step("moveblock", ("y", "c3")), robot._context())
+    assert result.done, result.reason
+    assert carrier(attempt(robot), "y") == "g"
+    assert move(Step("moveblock", ("r", "c3")), robot._context()).done
+    assert tower(attempt(robot), "c3") == ["r", "y", "g"]
+    world.close()
