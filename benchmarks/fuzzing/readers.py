@@ -14,7 +14,6 @@ import shutil
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, lru_cache
-from importlib.metadata import entry_points
 from pathlib import Path
 from unittest import mock
 
@@ -106,14 +105,9 @@ def feed_manifest(data: bytes, scratch: Path) -> None:
     written(folder, "domain.toml", data)
     with mock.patch.multiple("executive.domain.loader", read_task=_task, read_vocabulary=_vocabulary):
         try:
-            load_domain(folder, skills=_registered("skills"), relations=_registered("relations"))
+            load_domain(folder)
         finally:
             load_subject(folder)
-
-
-@cache
-def _registered(kind: str) -> frozenset[str]:
-    return frozenset(point.name for point in entry_points(group=f"executive.{kind}"))
 
 
 _task, _vocabulary = lru_cache(16)(read_task), lru_cache(16)(read_vocabulary)

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from importlib.metadata import PackageMetadata, PackageNotFoundError, entry_points, metadata, version
+from importlib.metadata import PackageMetadata, PackageNotFoundError, metadata, version
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -164,11 +164,11 @@ def packages() -> Finding:
 def domains() -> Finding:
     """Load the shipped domains, and list the registered skills and relations."""
     from executive.domain.loader import list_domains, load_domain
+    from executive.domain.skills import skills
 
     for name in list_domains():
         load_domain(name)
-    skills = {point.name for point in entry_points(group="executive.skills")}
-    registered = f"skills: {', '.join(sorted(skills))}; relations: {', '.join(sorted(kinds.names()))}"
+    registered = f"skills: {', '.join(sorted(skills()))}; relations: {', '.join(sorted(kinds.names()))}"
     return Finding("domains", State.OK, f"{', '.join(list_domains())} ({registered})")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from executive.app.config import DEPTH, MUJOCO, SYMBOLIC_WORLD, RunConfig
 from executive.core.attention import Attention
 from executive.domain.loader import Domain
+from executive.domain.skills import skills as skills_by_name
 from executive.errors import DomainError, OptionError, nearest
 from executive.faults import Fault, parse_fault
 from executive.faults.catalogue import PHYSICAL, SYMBOLIC
@@ -155,8 +155,8 @@ def _initial_state(domain: Domain, config: RunConfig) -> frozenset[Atom]:
 
 
 def load_skills(domain: Domain) -> Mapping[str, Skill]:
-    """Load each action's skill from the entry-point group `executive.skills`."""
-    points = {point.name: point for point in entry_points(group="executive.skills")}
+    """Load each action's skill."""
+    points = skills_by_name()
     loaded: dict[str, Skill] = {}
     for action, said in domain.skills.items():
         name, bracket, rest = said.partition("(")
@@ -183,8 +183,8 @@ class SkillCall:
 
 
 def load_moves(domain: Domain) -> Mapping[str, Skill]:
-    """Load the skills that move the arm out of the cameras' view, in order, from the same entry-point group."""
-    points = {point.name: point for point in entry_points(group="executive.skills")}
+    """Load the skills that move the arm out of the cameras' view, in order."""
+    points = skills_by_name()
     return {name: points[name].load() for name in domain.looking.moves}
 
 

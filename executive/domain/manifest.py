@@ -11,7 +11,6 @@ import stat
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from importlib.metadata import entry_points
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from types import MappingProxyType
 from typing import Literal, NoReturn
@@ -19,6 +18,7 @@ from typing import Literal, NoReturn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.domain.pddl import Fragment, Stated
+from executive.domain.skills import skills
 from executive.errors import DomainError, nearest, unregistered
 from executive.relations import kinds
 from executive.util.files import LARGEST, LARGEST_TOML, caseless, parse_toml, read_text, reason
@@ -261,7 +261,7 @@ class Source:
 
 def _registered(what: str) -> set[str]:
     """The skills or relations that there are."""
-    return kinds.names() if what == "relation" else {entry.name for entry in entry_points(group=f"executive.{what}s")}
+    return kinds.names() if what == "relation" else set(skills())
 
 
 def _parts(dotted: str) -> tuple[str, ...]:

@@ -6,8 +6,8 @@ import json
 import re
 import tempfile
 import tomllib
-from importlib.metadata import distribution
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from hypothesis import given, settings
@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from executive import cli
 from executive.domain import loader, manifest, scaffold
 from executive.domain.loader import load_domain
+from executive.domain.skills import COME_ALONG as SKILLS
 from executive.errors import InputError
 from executive.relations.kinds import COME_ALONG
 from executive.s3e import Templates, load_instructions
@@ -120,7 +121,16 @@ def mentions(file: str, key: str) -> bool:
 
 
 @pytest.mark.parametrize(
-    "model", [spec.SceneSpec, spec.RobotSpec, spec.TableSpec, spec.ItemSpec, spec.CameraSpec, spec.PlacementSpec]
+    "model",
+    [
+        spec.SceneSpec,
+        spec.RobotSpec,
+        spec.TableSpec,
+        spec.ItemSpec,
+        spec.CameraSpec,
+        spec.PlacementSpec,
+        spec.RegionSpec,
+    ],
 )
 def test_every_key_of_a_scene_is_shown(model: type[BaseModel]) -> None:
     keys = [field.alias or name for name, field in model.model_fields.items()]
@@ -136,10 +146,9 @@ def test_every_key_of_a_manifest_is_shown() -> None:
 
 
 def test_every_word_that_may_stand_there_is_told() -> None:
-    skills = [point.name for point in distribution("executive").entry_points if point.group == "executive.skills"]
-    for word in (*skills, *COME_ALONG):
+    for word in (*SKILLS, *COME_ALONG):
         assert re.search(rf"^#   {word} ", text("domain.toml"), flags=re.MULTILINE), word
-    for word in (*spec.ASSETS, *spec.TEXTURES, "box", "cylinder"):
+    for word in (*spec.ASSETS, *spec.TEXTURES, "box", "cylinder", "sphere", *get_args(spec.Material)):
         assert re.search(rf"\b{word}\b", text("scene.toml")), word
 
 

@@ -1,0 +1,24 @@
+"""The skills by the words that a domain names them with: those that come along, and those that packages register."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import EntryPoint, entry_points
+
+GROUP = "executive.skills"
+"""The entry-point group under which packages register skills of their own."""
+
+COME_ALONG = {
+    "pick": "executive.skills.pick:pick",
+    "place": "executive.skills.place:place",
+    "move": "executive.skills.move:move",
+    "home": "executive.skills.clear_view:home",
+    "aside": "executive.skills.clear_view:aside",
+}
+"""Those of this package, and where they are: found whatever was registered when it was installed."""
+
+
+def skills() -> Mapping[str, EntryPoint]:
+    """All skills by name, none of them loaded yet."""
+    found = {point.name: point for point in entry_points(group=GROUP)}
+    return found | {name: EntryPoint(name, where, GROUP) for name, where in COME_ALONG.items()}
