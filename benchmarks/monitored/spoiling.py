@@ -21,7 +21,8 @@ from executive.lab.common.process_pool import ProcessPool
 from executive.lab.common.progress import Progress, estimate
 from executive.lab.config import EvalConfig
 from executive.lab.evaluation import store
-from executive.lab.evaluation.evaluate import Evaluation, Evaluator, Look, Opened, Said
+from executive.lab.evaluation.evaluate import Evaluation, Evaluator
+from executive.lab.evaluation.looks import Look, Opened, Said
 
 HALF, NEAR = 0.5, 0.05
 """The exact-state rate that is looked for, and what is near enough."""

@@ -94,12 +94,13 @@ def doctor(
 ) -> int:
     """Check what this machine has and lacks, each with the command that mends it."""
     from executive.app import doctor as examination
+    from executive.app import doctor_report as report
 
     if as_json and markdown:
         raise InputError("excludes --json", key="--markdown")
     if as_json or markdown:
         findings = list(examination.examine())
-        print(json.dumps(examination.as_json(findings), indent=2) if as_json else examination.as_markdown(findings))
+        print(json.dumps(report.as_json(findings), indent=2) if as_json else report.as_markdown(findings))
     else:
-        findings = examination.tell(examination.examine(), sys.stdout)
+        findings = report.tell(examination.examine(), sys.stdout)
     return REACHED if examination.ready(findings) else MissingError.exit_code

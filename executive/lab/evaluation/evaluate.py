@@ -7,37 +7,34 @@ on its point and the seed alone, not on the worker, and results from before an i
 from __future__ import annotations
 
 import itertools
-import json
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from executive.app.config import EstimatorConfig
-from executive.app.estimators import load_calibration, open_estimator, with_default_model
-from executive.domain.loader import Domain, Subject, load_domain, load_subject
+from executive.app.estimators import load_calibration, with_default_model
+from executive.domain.loader import Domain
 from executive.errors import InputError
 from executive.lab.collection import dataset
 from executive.lab.collection.collect import version_of
 from executive.lab.collection.dataset import Point
-from executive.lab.common.journal import Journal, lines
-from executive.lab.common.process_pool import ReportProgress, WorkerPool, run_jobs
+from executive.lab.common.process_pool import WorkerPool, run_jobs
 from executive.lab.common.progress import Progress
 from executive.lab.config import EvalConfig
 from executive.lab.evaluation import published
-from executive.lab.evaluation.disturbance import Disturbance, Disturber
+from executive.lab.evaluation.kept_looks import Kept
+from executive.lab.evaluation.looks import OPENING, Look, Observer, Opened, Said, Shown, open_domain
 from executive.lab.evaluation.metrics import Answers
 from executive.lab.evaluation.mistakes import Mistakes
-from executive.lab.evaluation.paraphrases import Paraphrases
-from executive.s3e import S3E, Templates
-from executive.types import Atom, Belief, FloatArray, Image, Observation, Questions
-from executive.util.files import home, parse_json
+from executive.types import Belief, FloatArray
+from executive.util.files import home
 
 FRUITLESS = 10
 """The number of consecutive looks without an answer after which an evaluation is aborted."""
@@ -65,71 +62,6 @@ class Evaluation:
         return float(np.median(self.seconds))
 
 
-class Look(NamedTuple):
-    """The job of one look: its number from 1, and the location of its point. Number 0 is the job of opening the
-    estimator without a look."""
-
-    number: int
-    episode: int
-    row: int
-
-
-OPENING = Look(0, 0, 0)
-
-
-class Opened(NamedTuple):
-    """The estimator that a worker has opened: the model's name, its cameras, and the arguments of `Questions`."""
-
-    name: str
-    cameras: tuple[str, ...] | None
-    asked: tuple[dict[Atom, str], str, str, tuple[str, ...], tuple[str, ...]]
-
-    @property
-    def questions(self) -> Questions:
-        return Questions(*self.asked)
-
-
-class Said(NamedTuple):
-    """The result of a look: P(true) of each atom, None where unanswered, its seconds, and the reason if there is no
-    answer at all."""
-
-    probability: tuple[float | None, ...]
-    seconds: float
-    why: str = ""
-
-
-class Observer:
-    """Takes looks in a worker process, which opens its own estimator with its first job.
-
-    Raises:
-        DomainError: the domain has a mistake.
-        InputError: the model, or how it goes with the data; from a look, the data is damaged.
-        MissingError: the machine lacks something.
-    """
-
-    def __init__(self, config: EvalConfig) -> None:
-        self._subject, self._drawing = _opened_domain(config)
-        self._seen = _Seen(config, self._subject, self._drawing)
-        self.eye: S3E = open_estimator(config.eye, self._subject)
-        self._questions = self.eye.questions
-        self._seen.show(self.eye.cameras)
-
-    def __call__(self, look: Look, tell: ReportProgress) -> Opened | Said:
-        if look == OPENING:
-            own = self._questions
-            asked = (dict(own.text), own.system, own.translator, own.answers, own.warnings)
-            return Opened(self.eye.backend.name, self.eye.cameras, asked)
-        point = self._seen.point(look)
-        self.eye.questions = self._seen.questions(point, self._questions)
-        observation = Observation(look.number, point.time, self._seen.pictures(point), point.joints)
-        atoms = self._subject.task.atoms
-        begin = time.perf_counter()
-        belief = self.eye.estimate(observation, atoms)
-        seconds = time.perf_counter() - begin
-        why = "" if belief.probability else _why(belief)
-        return Said(tuple(belief.probability.get(atom) for atom in atoms), seconds, why)
-
-
 class Evaluator:
     """What is to be measured on what, checked. `run` has the looks taken that are missing. A context manager that frees
     what it holds.
@@ -144,14 +76,14 @@ class Evaluator:
         self.config, self._warn = config, warn
         self._manifest = dataset.read_manifest(config.data)
         config.eye.check_cameras(self._manifest["cameras"])
-        self.subject, self._drawing = _opened_domain(config)
+        self.subject, self._drawing = open_domain(config)
         self._check_atoms()
         if self._drawing is not None:
             _check_scene(self._drawing, self._manifest, warn)
-        self._seen = _Seen(config, self.subject, self._drawing)
+        self._shown = Shown(config, self.subject, self._drawing)
         self.published = published.read(self.subject.pddl.parent)
         with_default_model(config.eye, self.subject)
-        for line in self._seen.warnings:
+        for line in self._shown.warnings:
             warn(line)
         self.atoms = self.subject.task.atoms
         self.mistakes = Mistakes()
@@ -161,7 +93,7 @@ class Evaluator:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._seen.close()
+        self._shown.close()
 
     def cancel(self) -> None:
         """Makes `open` or `run` stop soon. It sets a flag: safe from any thread and signal handler."""
@@ -241,15 +173,15 @@ class Evaluator:
         return None if len(told) < len(points) else self._made(points, told, opened)
 
     def _made(self, points: Sequence[Point], told: Mapping[int, Said], opened: Opened) -> Evaluation:
-        self._seen.show(opened.cameras)
+        self._shown.show(opened.cameras)
         questions = opened.questions
         for number, point in enumerate(points, start=1):
             probability = zip(self.atoms, told[number].probability, strict=True)
             known = {atom: value for atom, value in probability if value is not None}
             belief = Belief(number, known, frozenset(self.atoms) - known.keys())
             look = Look(number, point.episode, point.step - 1)
-            text = self._seen.questions(point, questions).text
-            self.mistakes.add(point, belief, lambda look=look: self._seen.pictures(self._seen.point(look)), text)  # type: ignore[misc]
+            text = self._shown.questions(point, questions).text
+            self.mistakes.add(point, belief, lambda look=look: self._shown.pictures(self._shown.point(look)), text)  # type: ignore[misc]
         answers = Answers(
             self.atoms,
             np.array([[math.nan if p is None else p for p in told[n].probability] for n in sorted(told)]),
@@ -335,107 +267,6 @@ def _check_scene(domain: Domain, manifest: Mapping[str, Any], warn: Callable[[st
         warn(f"the files of {domain.name} have changed since the data was collected; looks are drawn as it is now")
 
 
-class _Seen:
-    """What the estimator is shown of a point, and asked about it."""
-
-    def __init__(self, config: EvalConfig, subject: Subject, drawing: Domain | None) -> None:
-        self._config, self._drawing = config, drawing
-        self._disturbance = Disturbance.parse(config.disturb)
-        self._disturber: Disturber | None = None
-        self._paraphrases: Paraphrases | None = None
-        if config.paraphrases is not None:
-            own = Templates.read(subject.questions) if subject.questions is not None else None
-            self._paraphrases = Paraphrases.read(config.paraphrases, subject.task, own, config.rename)
-        dataset.Reader(config.data, ())  # says what an unfinished collection lacks
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        return self._paraphrases.warnings if self._paraphrases is not None else ()
-
-    def show(self, cameras: Sequence[str] | None) -> None:
-        """Whose pictures are shown from now on."""
-        # Of what is drawn anew, the collection's own pictures are not needed.
-        self._reader = dataset.Reader(self._config.data, () if self._disturbance.redraws else cameras)
-        self.close()
-        self._disturber = Disturber(self._disturbance, self._drawing, cameras, self._config.seed)
-
-    def close(self) -> None:
-        if self._disturber is not None:
-            self._disturber.__exit__(None, None, None)
-
-    def point(self, look: Look) -> Point:
-        point = self._reader.point(look.episode, look.row)
-        assert point is not None
-        return point
-
-    def pictures(self, point: Point) -> Mapping[str, Image]:
-        assert self._disturber is not None
-        return self._disturber.pictures(point)
-
-    def questions(self, point: Point, own: Questions) -> Questions:
-        if self._paraphrases is None:
-            return own
-        key = np.random.SeedSequence([self._config.seed, point.seed, point.episode, point.step], spawn_key=(2,))
-        return replace(own, text=self._paraphrases.drawn(np.random.default_rng(key)))
-
-
-class Kept:
-    """The looks of an evaluation that have been taken, by their numbers, and the file that more are written to. A
-    context manager. Looks of another evaluation are not continued: the file is begun anew.
-
-    Args:
-        same: what two evaluations have in common whose looks are the same.
-    """
-
-    def __init__(self, file: Path, same: Mapping[str, Any]) -> None:
-        self.known: dict[int, Said] = {}
-        there = lines(file)
-        with suppress(ValueError, LookupError, TypeError):
-            if there and parse_json(there[0]) == same:
-                for line in there[1:]:
-                    number, probability, seconds, why = parse_json(line)
-                    self.known[number] = Said(tuple(probability), float(seconds), str(why))
-        self._file, self._same = file, same
-        self._journal: Journal | None = None
-        if not self.known:
-            file.unlink(missing_ok=True)
-        elif len(self.known) < len(there) - 1:  # something in it is damaged; what is whole is written anew
-            dataset.write_atomically(file, b"".join(map(_line, [same, *([n, *s] for n, s in self.known.items())])))
-
-    def __enter__(self) -> Kept:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._journal is not None:
-            self._journal.close()
-
-    def add(self, number: int, said: Said) -> None:
-        """Write a look down."""
-        if self._journal is None:  # there is no file before there is a look
-            self._journal = Journal(self._file)
-            if not self.known:
-                self._journal.add(_line(self._same))
-        self._journal.add(_line([number, *said]))
-        self.known[number] = said
-
-
-def command_of(file: Path) -> str:
-    """The command of the evaluation whose looks are kept in a file, for all of its looks; empty where there is none."""
-    with suppress(InputError, ValueError, LookupError, TypeError):
-        return str(parse_json(lines(file)[0])["command"])
-    return ""
-
-
-def _line(value: object) -> bytes:
-    return (json.dumps(value) + "\n").encode()
-
-
-def _opened_domain(config: EvalConfig) -> tuple[Subject, Domain | None]:
-    """The subject of the questions, and the domain where pictures are rendered anew."""
-    domain = load_domain(config.domain, config.problem) if Disturbance.parse(config.disturb).redraws else None
-    return (domain.subject if domain else load_subject(config.domain, config.problem)), domain
-
-
 def _abort_if_fruitless(told: Mapping[int, Said], last: int) -> None:
     """Aborts after a run of looks without an answer that includes the last one.
 
@@ -456,8 +287,3 @@ def _files_of(eye: EstimatorConfig) -> list[list[Any]]:
         return []
     found = ((each.name, each.stat()) for each in sorted(folder.iterdir()) if each.is_file())
     return [[name, status.st_size, status.st_mtime_ns] for name, status in found]
-
-
-def _why(belief: Belief) -> str:
-    errors = (each.error for evidence in belief.evidence.values() for each in evidence if each.error)
-    return next(errors, "too little of the probability is on yes or no")

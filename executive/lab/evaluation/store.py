@@ -21,7 +21,8 @@ from executive.errors import InputError, OptionError
 from executive.lab.collection.dataset import write_atomically
 from executive.lab.common.folder_lock import LOCK, lock, remove_partial
 from executive.lab.config import EvalConfig
-from executive.lab.evaluation.evaluate import Evaluation, command_of
+from executive.lab.evaluation.evaluate import Evaluation
+from executive.lab.evaluation.kept_looks import command_of
 from executive.lab.evaluation.metrics import Answers, never_true, scores
 from executive.types import Atom
 from executive.util.arrays import parse_arrays

@@ -17,7 +17,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from executive import cli
-from executive.app import doctor, estimators
+from executive.app import doctor, doctor_report, estimators
 from executive.app.doctor import Finding, State
 from executive.errors import MissingError
 from executive.planning.fast_downward import FastDownwardPlanner
@@ -68,10 +68,10 @@ def test_every_finding_is_one_line(findings: list[Finding]) -> None:
 
 
 def test_json_and_text_tell_the_same(findings: list[Finding]) -> None:
-    document = json.loads(json.dumps(doctor.as_json(findings)))
+    document = json.loads(json.dumps(doctor_report.as_json(findings)))
     assert document["ready"] is True
     stream = io.StringIO()
-    assert doctor.tell(iter(findings), stream) == findings
+    assert doctor_report.tell(iter(findings), stream) == findings
     for finding, entry in zip(findings, document["findings"], strict=True):
         assert entry == {
             "part": finding.part,
@@ -86,7 +86,7 @@ def test_json_and_text_tell_the_same(findings: list[Finding]) -> None:
 
 def test_markdown_is_a_table_without_the_name_of_a_person(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Path, "home", lambda: Path("/home/ada"))
-    block = doctor.as_markdown([Finding("Python", State.OK, "3.12.1 at /home/ada/.venv/bin/python | odd")])
+    block = doctor_report.as_markdown([Finding("Python", State.OK, "3.12.1 at /home/ada/.venv/bin/python | odd")])
     assert block.splitlines()[-1] == "| Python | ok | 3.12.1 at ~/.venv/bin/python \\| odd |"
     assert all(line.startswith("|") for line in block.splitlines()[2:])
 

@@ -26,16 +26,8 @@ from executive.lab.common.progress import Progress
 from executive.lab.config import EvalConfig
 from executive.lab.evaluation import report as reporting
 from executive.lab.evaluation import store
-from executive.lab.evaluation.evaluate import (
-    FRUITLESS,
-    Evaluation,
-    Evaluator,
-    Look,
-    Observer,
-    Opened,
-    Said,
-    row_name,
-)
+from executive.lab.evaluation.evaluate import FRUITLESS, Evaluation, Evaluator, row_name
+from executive.lab.evaluation.looks import Look, Observer, Opened, Said
 from executive.lab.evaluation.metrics import Answers
 from executive.lab.evaluation.mistakes import Mistakes
 from executive.lab.evaluation.published import Published

@@ -1,0 +1,141 @@
+"""What a worker of an evaluation does: it takes looks, one a job, with an estimator of its own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from executive.app.estimators import open_estimator
+from executive.domain.loader import Domain, Subject, load_domain, load_subject
+from executive.lab.collection import dataset
+from executive.lab.collection.dataset import Point
+from executive.lab.common.process_pool import ReportProgress
+from executive.lab.config import EvalConfig
+from executive.lab.evaluation.disturbance import Disturbance, Disturber
+from executive.lab.evaluation.paraphrases import Paraphrases
+from executive.s3e import S3E, Templates
+from executive.types import Atom, Belief, Image, Observation, Questions
+
+
+class Look(NamedTuple):
+    """The job of one look: its number from 1, and the location of its point. Number 0 is the job of opening the
+    estimator without a look."""
+
+    number: int
+    episode: int
+    row: int
+
+
+OPENING = Look(0, 0, 0)
+
+
+class Opened(NamedTuple):
+    """The estimator that a worker has opened: the model's name, its cameras, and the arguments of `Questions`."""
+
+    name: str
+    cameras: tuple[str, ...] | None
+    asked: tuple[dict[Atom, str], str, str, tuple[str, ...], tuple[str, ...]]
+
+    @property
+    def questions(self) -> Questions:
+        return Questions(*self.asked)
+
+
+class Said(NamedTuple):
+    """The result of a look: P(true) of each atom, None where unanswered, its seconds, and the reason if there is no
+    answer at all."""
+
+    probability: tuple[float | None, ...]
+    seconds: float
+    why: str = ""
+
+
+class Observer:
+    """Takes looks in a worker process, which opens its own estimator with its first job.
+
+    Raises:
+        DomainError: the domain has a mistake.
+        InputError: the model, or how it goes with the data; from a look, the data is damaged.
+        MissingError: the machine lacks something.
+    """
+
+    def __init__(self, config: EvalConfig) -> None:
+        self._subject, self._drawing = open_domain(config)
+        self._shown = Shown(config, self._subject, self._drawing)
+        self.eye: S3E = open_estimator(config.eye, self._subject)
+        self._questions = self.eye.questions
+        self._shown.show(self.eye.cameras)
+
+    def __call__(self, look: Look, tell: ReportProgress) -> Opened | Said:
+        if look == OPENING:
+            own = self._questions
+            asked = (dict(own.text), own.system, own.translator, own.answers, own.warnings)
+            return Opened(self.eye.backend.name, self.eye.cameras, asked)
+        point = self._shown.point(look)
+        self.eye.questions = self._shown.questions(point, self._questions)
+        observation = Observation(look.number, point.time, self._shown.pictures(point), point.joints)
+        atoms = self._subject.task.atoms
+        begin = time.perf_counter()
+        belief = self.eye.estimate(observation, atoms)
+        seconds = time.perf_counter() - begin
+        why = "" if belief.probability else _why(belief)
+        return Said(tuple(belief.probability.get(atom) for atom in atoms), seconds, why)
+
+
+class Shown:
+    """What the estimator is shown of a point, and asked about it."""
+
+    def __init__(self, config: EvalConfig, subject: Subject, drawing: Domain | None) -> None:
+        self._config, self._drawing = config, drawing
+        self._disturbance = Disturbance.parse(config.disturb)
+        self._disturber: Disturber | None = None
+        self._paraphrases: Paraphrases | None = None
+        if config.paraphrases is not None:
+            own = Templates.read(subject.questions) if subject.questions is not None else None
+            self._paraphrases = Paraphrases.read(config.paraphrases, subject.task, own, config.rename)
+        dataset.Reader(config.data, ())  # says what an unfinished collection lacks
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return self._paraphrases.warnings if self._paraphrases is not None else ()
+
+    def show(self, cameras: Sequence[str] | None) -> None:
+        """Whose pictures are shown from now on."""
+        # Of what is drawn anew, the collection's own pictures are not needed.
+        self._reader = dataset.Reader(self._config.data, () if self._disturbance.redraws else cameras)
+        self.close()
+        self._disturber = Disturber(self._disturbance, self._drawing, cameras, self._config.seed)
+
+    def close(self) -> None:
+        if self._disturber is not None:
+            self._disturber.__exit__(None, None, None)
+
+    def point(self, look: Look) -> Point:
+        point = self._reader.point(look.episode, look.row)
+        assert point is not None
+        return point
+
+    def pictures(self, point: Point) -> Mapping[str, Image]:
+        assert self._disturber is not None
+        return self._disturber.pictures(point)
+
+    def questions(self, point: Point, own: Questions) -> Questions:
+        if self._paraphrases is None:
+            return own
+        key = np.random.SeedSequence([self._config.seed, point.seed, point.episode, point.step], spawn_key=(2,))
+        return replace(own, text=self._paraphrases.drawn(np.random.default_rng(key)))
+
+
+def open_domain(config: EvalConfig) -> tuple[Subject, Domain | None]:
+    """The subject of the questions, and the domain where pictures are rendered anew."""
+    domain = load_domain(config.domain, config.problem) if Disturbance.parse(config.disturb).redraws else None
+    return (domain.subject if domain else load_subject(config.domain, config.problem)), domain
+
+
+def _why(belief: Belief) -> str:
+    errors = (each.error for evidence in belief.evidence.values() for each in evidence if each.error)
+    return next(errors, "too little of the probability is on yes or no")
