@@ -8,6 +8,7 @@ are swapped while nobody looks. A run is the domain's task with swaps and shoves
 from __future__ import annotations
 
 import argparse
+import contextlib
 import tempfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -66,10 +67,11 @@ def main() -> None:
     parser.add_argument("--verbose", action="store_true", help="every label that is not trusted at the right place")
     arguments = parser.parse_args()
     seen, unseen = Tally(), Tally()
-    for index in range(arguments.scenes):
-        play_scene(arguments.seed + index, seen, unseen)
-    if arguments.scenes:
-        print(f"{arguments.scenes} scenes, three labels each")
+    with contextlib.suppress(KeyboardInterrupt):  # what was measured until then is told
+        for index in range(arguments.scenes):
+            play_scene(arguments.seed + index, seen, unseen)
+    if unseen.highest:
+        print(f"{len(unseen.highest)} scenes, three labels each")
         print(f"  filmed at 5 Hz: at the right place {share(seen.right, seen.labels)}, "
               f"trusted {share(seen.trusted, seen.labels)}, trusted and wrong {seen.false}")  # fmt: skip
         print(f"  after a swap that nobody saw: highest probability of a label {max(unseen.highest):.3f}, "
