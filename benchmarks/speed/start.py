@@ -7,6 +7,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 
 from benchmarks.speed.table import Row
 
@@ -14,6 +15,7 @@ _IMPORT = "import executive"
 _HELP = "import sys; sys.argv = ['executive', '--help']; from executive.__main__ import main; main()"
 _FIRST = """
 import cProfile, os, pstats, sys
+from executive.core import time_limits
 from executive.skills.arm import Attempt
 folder, profiled = sys.argv[1], sys.argv[2] == "profiled"
 watch = cProfile.Profile()
@@ -28,6 +30,7 @@ def moves(self, *arguments, **options):
 
 Attempt.move = moves
 if profiled:
+    time_limits.within = lambda seconds, work: work()  # in this thread, which is the one that is watched
     watch.enable()
 from executive.__main__ import main
 sys.argv = ["executive", "run", "grocery", "--seed", "3", "--runs", folder]
@@ -37,7 +40,7 @@ main()
 
 _STAGES = {
     "stage the world": "_simulator",
-    "load the model": "open_estimator",
+    "wait for the model, which loads beside": "ready",
     "find mutex groups": "find_mutexes",
     "take the pictures": "observe",
     "answer the questions": "estimate",
@@ -58,7 +61,7 @@ def measure(everything: bool) -> list[Row]:
     return [
         Row("start, import executive", imported, empty, "s", "0.15 s", imported <= 0.15, against, _where(_IMPORT)),
         Row("start, executive --help", helped, empty, "s", "0.3 s", helped <= 0.3, against, _where(_HELP)),
-        Row("start, executive run to its first motion", run, empty, "s", "8 s", run <= 8.0, against, profile),
+        Row("start, executive run to its first motion", run, None, "s", "3 s", run <= 3.0, "", profile),
     ]
 
 
@@ -77,15 +80,12 @@ def _processor_time(program: str) -> float:
 
 
 def _first_motion() -> tuple[float, str]:
-    """Seconds until a run's first motion, and what they go for."""
-    import resource
-
+    """Wall seconds until a run's first motion, for its model loads in a process beside; and what they go for."""
     spent = []
     for _ in range(3):
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        began = time.perf_counter()
         _run_until_motion("bare")
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        spent.append(time.perf_counter() - began)
     took: dict[str, float] = {}
     for line in _run_until_motion("profiled").splitlines():
         if line.startswith("TOOK "):
