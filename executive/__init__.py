@@ -17,7 +17,8 @@ from executive.errors import DomainError, ExecutiveError, InputError, MissingErr
 
 if TYPE_CHECKING:
     from executive.app.assembly import make_executive
-    from executive.app.config import RunConfig
+    from executive.app.config import EstimatorConfig, RunConfig
+    from executive.app.estimators import open_estimator
     from executive.app.run import Run, resume, run
     from executive.app.worlds import load_skills
     from executive.core.compare import compare, progress, reaches
@@ -28,8 +29,11 @@ if TYPE_CHECKING:
     from executive.planning import FastDownwardPlanner, UnifiedPlanner
     from executive.protocols import Estimator, Planner, Simulator, Sink, Skill, SkillContext, World
     from executive.relations import Scene, takes
+    from executive.relations.estimator import RelationEstimator
     from executive.sim.truth import Oracle, Truth
+    from executive.sim.viewer_geometry import mujoco_poses, mujoco_scenery
     from executive.sim.world import MujocoWorld
+    from executive.ticked_world import TickedWorld
     from executive.trace.phrases import why
     from executive.trace.record.log import EventLog
     from executive.trace.terminal import TerminalSink
@@ -77,6 +81,7 @@ __all__ = [
     "Effect",
     "Ended",
     "Estimator",
+    "EstimatorConfig",
     "Event",
     "EventLog",
     "Executive",
@@ -98,6 +103,7 @@ __all__ = [
     "Plan",
     "Planner",
     "Reason",
+    "RelationEstimator",
     "RerunSink",
     "Run",
     "RunConfig",
@@ -112,6 +118,7 @@ __all__ = [
     "Step",
     "Task",
     "TerminalSink",
+    "TickedWorld",
     "Truth",
     "UnifiedPlanner",
     "Verdict",
@@ -122,6 +129,9 @@ __all__ = [
     "load_skills",
     "load_subject",
     "make_executive",
+    "mujoco_poses",
+    "mujoco_scenery",
+    "open_estimator",
     "parse_fault",
     "progress",
     "reaches",
@@ -134,16 +144,19 @@ __all__ = [
 
 _PROTOCOLS = ("Estimator", "Planner", "Simulator", "Sink", "Skill", "SkillContext", "World")
 _FROM = dict.fromkeys(_PROTOCOLS, "executive.protocols") | {
+    "EstimatorConfig": "executive.app.config",
     "EventLog": "executive.trace.record.log",
     "Executive": "executive.core.loop",
     "FastDownwardPlanner": "executive.planning",
     "FaultInjector": "executive.faults",
     "MujocoWorld": "executive.sim.world",
     "Oracle": "executive.sim.truth",
+    "RelationEstimator": "executive.relations.estimator",
     "RerunSink": "executive.trace.viewer.sink",
     "Run": "executive.app.run",
     "RunConfig": "executive.app.config",
     "Scene": "executive.relations",
+    "TickedWorld": "executive.ticked_world",
     "TerminalSink": "executive.trace.terminal",
     "Truth": "executive.sim.truth",
     "UnifiedPlanner": "executive.planning",
@@ -152,6 +165,9 @@ _FROM = dict.fromkeys(_PROTOCOLS, "executive.protocols") | {
     "load_domain": "executive.domain",
     "load_skills": "executive.app.worlds",
     "load_subject": "executive.domain",
+    "mujoco_poses": "executive.sim.viewer_geometry",
+    "mujoco_scenery": "executive.sim.viewer_geometry",
+    "open_estimator": "executive.app.estimators",
     "parse_fault": "executive.faults",
     "progress": "executive.core.compare",
     "read_task": "executive.domain.pddl",

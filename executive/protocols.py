@@ -143,6 +143,15 @@ class Simulator(World, Protocol):
         ...
 
 
+class Disturbable(Protocol):
+    """What faults ask of a world: that things happen to it, at a moment of its own time. It need not be one that can be
+    saved; on a real robot, a person may do it."""
+
+    def schedule(self, delay: float, action: Callable[[], None]) -> None: ...
+
+    def disturb(self, kind: str, rng: np.random.Generator, **arguments: str) -> str: ...
+
+
 @dataclass(frozen=True, slots=True)
 class SkillContext:
     """What a skill is given beside its step.

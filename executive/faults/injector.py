@@ -15,7 +15,7 @@ import numpy as np
 
 from executive.faults.catalogue import BY_SOMEONE
 from executive.faults.grammar import Fault
-from executive.protocols import Simulator
+from executive.protocols import Disturbable
 from executive.types import FaultInjected, Phase, Step
 
 _STREAM = 1  # beside the skills' chance, which is drawn from the seed and the action alone
@@ -27,7 +27,7 @@ Report = Callable[[FaultInjected], None]
 class FaultInjector:
     """Injects the faults of a list; see `executive.protocols.FaultSource`."""
 
-    def __init__(self, faults: Sequence[Fault], world: Simulator, seed: int = 0) -> None:
+    def __init__(self, faults: Sequence[Fault], world: Disturbable, seed: int = 0) -> None:
         self._faults, self._world, self._seed = tuple(faults), world, seed
         self._report: Report = _unheard
         self._action, self._at_work, self._last_phase = 0, False, ""

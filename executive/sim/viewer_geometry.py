@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from executive.sim import scene
 from executive.sim.spec import SceneSpec
-from executive.types import Camera, Geometry, Scenery
+from executive.types import Camera, FloatArray, Geometry, Scenery
 
 _CELL = 0.003
 """Vertices of a mesh that fall into one cell of this size (m) are drawn as one: the arm's meshes have 362,000."""
 
 
 def of(model: mujoco.MjModel, spec: SceneSpec) -> Scenery:
-    """Every geom that is drawn, and every camera."""
+    """Every geom of a scene that is drawn, and every camera."""
+    return mujoco_scenery(model, {each.name: (each.width, each.height) for each in spec.cameras}, scene.JOINTS)
+
+
+def mujoco_scenery(
+    model: mujoco.MjModel, cameras: Mapping[str, tuple[int, int]] = MappingProxyType({}), joints: Sequence[str] = ()
+) -> Scenery:
+    """The shapes and cameras of a MuJoCo model, for the viewer: geoms of the groups 1 and 2, where robosuite and others
+    have what is drawn; groups of what only collides are left out.
+
+    Args:
+        cameras: name -> width and height of its pictures, for those that are looked through.
+        joints: the names of the arm's joints, in the order in which frames have them.
+    """
     geometries = []
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -37,14 +53,23 @@ def of(model: mujoco.MjModel, spec: SceneSpec) -> Scenery:
             name = model.body(body).name
         label = model.geom(geom).name or f"{model.body(body).name}/{geom}"
         geometries.append(Geometry(name, local.astype(np.float32), faces, _colour(model, geom), label))
-    cameras = []
-    for camera in spec.cameras:
-        index = model.camera(camera.name).id
+    seen = []
+    for camera, (width, height) in cameras.items():
+        index = model.camera(camera).id
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, data.cam_xmat[index])
         pose = tuple(float(value) for value in (*data.cam_xpos[index], *quaternion))
-        cameras.append(Camera(camera.name, pose, float(np.deg2rad(camera.fovy_degrees)), camera.width, camera.height))
-    return Scenery(tuple(geometries), tuple(cameras), scene.JOINTS)
+        seen.append(Camera(camera, pose, float(np.deg2rad(model.cam_fovy[index])), width, height))
+    return Scenery(tuple(geometries), tuple(seen), tuple(joints))
+
+
+def mujoco_poses(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, FloatArray]:
+    """Where every body is that can move, (7,) each: what a frame of a world in MuJoCo has."""
+    return {
+        model.body(body).name: np.concatenate([data.xpos[body], data.xquat[body]])
+        for body in range(1, model.nbody)
+        if model.body_weldid[body] != 0
+    }
 
 
 def exact(model: mujoco.MjModel, geom: int, body: str) -> Geometry:

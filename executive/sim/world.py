@@ -361,11 +361,7 @@ class MujocoWorld:
 
     def frame(self) -> Frame:
         """Where every body that can move is."""
-        poses = {}
-        for body in range(1, self.model.nbody):
-            if self.model.body_weldid[body] != 0:
-                name = self.model.body(body).name
-                poses[name] = np.concatenate([self.data.xpos[body], self.data.xquat[body]])
+        poses = scenery.mujoco_poses(self.model, self.data)
         told = np.append(self.data.ctrl[self._servo], self._closed)
         return Frame(poses, self.joints(), self.gripper_width(), told, self.gripper_joints())
 

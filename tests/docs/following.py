@@ -32,10 +32,16 @@ DOCS = ROOT / "docs"
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.rglob("*.md"), ROOT / "runs" / "README.md"])
 """Every page that people read."""
 
-FOLLOWED = ("tutorials/domain.md", "how-to/own-model.md", "how-to/own-world.md", "how-to/symbolic-world.md")
+FOLLOWED = (
+    "tutorials/domain.md",
+    "how-to/own-model.md",
+    "how-to/own-world.md",
+    "how-to/real-robot.md",
+    "how-to/symbolic-world.md",
+)
 """The pages of docs/ that are followed from beginning to end, in one folder; elsewhere each block stands alone."""
 
-LANGUAGES = frozenset({"", "markdown", "pddl", "python", "sh", "text", "toml"})
+LANGUAGES = frozenset({"", "markdown", "pddl", "python", "sh", "text", "toml", "xml"})
 _BLOCK = re.compile(r"^(?:<!-- (?P<note>[^\n]*) -->\n)?```(?P<language>[^\n]*)\n(?P<text>.*?)^```$", re.M | re.S)
 _SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\r")
 _CURSOR_BACK = "\x1b[?25h"

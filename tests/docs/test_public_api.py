@@ -24,7 +24,10 @@ PUBLIC = {
     "executive.export": export.__all__,
 }
 SHOWN = {
-    **{str(file.relative_to(ROOT)): file.read_text(encoding="utf-8") for file in sorted(ROOT.glob("examples/*.py"))},
+    **{
+        str(file.relative_to(ROOT)): file.read_text(encoding="utf-8")
+        for file in sorted((ROOT / "examples").rglob("*.py"))
+    },
     **{str(block): block.text for page in DOCUMENTS for block in blocks(page) if block.language == "python"},
     "library.ipynb": "\n".join(
         "".join(cell["source"])
@@ -44,7 +47,17 @@ def imported(source: str) -> Iterator[tuple[str, str]]:
         if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "executive":
             yield from ((str(node.module), alias.name) for alias in node.names)
         elif isinstance(node, ast.Import):
-            yield from ((alias.name, "") for alias in node.names if alias.name.partition(".")[0] == "executive")
+            for alias in node.names:
+                if alias.name == "executive":  # what is used of it
+                    yield from ((alias.name, name) for name in _used(tree, alias.asname or alias.name))
+                elif alias.name.partition(".")[0] == "executive":
+                    yield alias.name, ""
+
+
+def _used(tree: ast.AST, module: str) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == module:
+            yield node.attr
 
 
 @pytest.mark.parametrize("where", SHOWN)

@@ -11,7 +11,7 @@ import pytest
 
 from tests.docs.following import DOCUMENTS, ROOT, Block, blocks
 
-EXAMPLES = [file.read_text(encoding="utf-8") for file in sorted((ROOT / "examples").glob("*.py"))]
+EXAMPLES = [file.read_text(encoding="utf-8") for file in sorted((ROOT / "examples").rglob("*.py"))]
 QUOTED = [block for document in DOCUMENTS for block in blocks(document) if block.language == "python"]
 
 

@@ -66,6 +66,10 @@ def test_a_world_of_ones_own(clone: Path) -> None:
     follow("how-to/own-world.md", clone)
 
 
+def test_a_robot_behind_a_socket(clone: Path) -> None:
+    follow("how-to/real-robot.md", clone)
+
+
 @pytest.mark.timeout(600)
 def test_a_domain_before_there_is_a_robot(clone: Path) -> None:
     here = follow("how-to/symbolic-world.md", clone).here

@@ -1,0 +1,1 @@
+"""A Franka Panda in robosuite's own environment, with its own controller: see panda.py."""
