@@ -1,0 +1,11 @@
+(define (problem random-3-0001)
+  (:domain blocksworld)
+  (:objects large-pink-rubber-cylinder small-blue-metal-cylinder - cylinder
+            large-green-metal-cube - cube)
+  (:init (on large-pink-rubber-cylinder large-green-metal-cube)
+         (on-table small-blue-metal-cylinder)
+         (on-table large-green-metal-cube)
+         (hand-empty))
+  (:goal (and (on-table large-pink-rubber-cylinder)
+              (on-table small-blue-metal-cylinder)
+              (on-table large-green-metal-cube))))

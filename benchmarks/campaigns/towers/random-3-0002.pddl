@@ -1,0 +1,11 @@
+(define (problem random-3-0002)
+  (:domain blocksworld)
+  (:objects large-gray-metal-cylinder small-cyan-metal-cylinder - cylinder
+            large-green-rubber-sphere - sphere)
+  (:init (on large-gray-metal-cylinder small-cyan-metal-cylinder)
+         (on large-green-rubber-sphere large-gray-metal-cylinder)
+         (on-table small-cyan-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-cyan-metal-cylinder large-gray-metal-cylinder)
+              (on-table large-gray-metal-cylinder)
+              (on-table large-green-rubber-sphere))))

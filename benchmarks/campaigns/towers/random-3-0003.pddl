@@ -1,0 +1,11 @@
+(define (problem random-3-0003)
+  (:domain blocksworld)
+  (:objects small-gray-metal-sphere - sphere
+            large-red-rubber-cylinder large-blue-metal-cylinder - cylinder)
+  (:init (on small-gray-metal-sphere large-red-rubber-cylinder)
+         (on-table large-red-rubber-cylinder)
+         (on-table large-blue-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on large-red-rubber-cylinder large-blue-metal-cylinder)
+              (on-table small-gray-metal-sphere)
+              (on-table large-blue-metal-cylinder))))

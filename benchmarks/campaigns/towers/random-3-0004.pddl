@@ -1,0 +1,11 @@
+(define (problem random-3-0004)
+  (:domain blocksworld)
+  (:objects large-green-rubber-cylinder large-orange-rubber-cylinder - cylinder
+            small-yellow-metal-sphere - sphere)
+  (:init (on large-orange-rubber-cylinder large-green-rubber-cylinder)
+         (on-table large-green-rubber-cylinder)
+         (on-table small-yellow-metal-sphere)
+         (hand-empty))
+  (:goal (and (on-table large-green-rubber-cylinder)
+              (on-table large-orange-rubber-cylinder)
+              (on-table small-yellow-metal-sphere))))

@@ -1,0 +1,11 @@
+(define (problem random-3-0005)
+  (:domain blocksworld)
+  (:objects small-gray-rubber-cube small-cyan-rubber-cube - cube
+            small-yellow-rubber-sphere - sphere)
+  (:init (on small-gray-rubber-cube small-cyan-rubber-cube)
+         (on-table small-cyan-rubber-cube)
+         (on-table small-yellow-rubber-sphere)
+         (hand-empty))
+  (:goal (and (on small-cyan-rubber-cube small-gray-rubber-cube)
+              (on-table small-gray-rubber-cube)
+              (on-table small-yellow-rubber-sphere))))

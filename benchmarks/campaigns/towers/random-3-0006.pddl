@@ -1,0 +1,11 @@
+(define (problem random-3-0006)
+  (:domain blocksworld)
+  (:objects small-green-rubber-cube - cube
+            small-red-rubber-sphere large-blue-rubber-sphere - sphere)
+  (:init (on-table small-green-rubber-cube)
+         (on-table small-red-rubber-sphere)
+         (on-table large-blue-rubber-sphere)
+         (hand-empty))
+  (:goal (and (on small-red-rubber-sphere small-green-rubber-cube)
+              (on-table small-green-rubber-cube)
+              (on-table large-blue-rubber-sphere))))

@@ -1,0 +1,11 @@
+(define (problem random-3-0007)
+  (:domain blocksworld)
+  (:objects large-cyan-rubber-sphere large-orange-rubber-sphere - sphere
+            large-yellow-metal-cube - cube)
+  (:init (on-table large-cyan-rubber-sphere)
+         (on-table large-orange-rubber-sphere)
+         (on-table large-yellow-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-cyan-rubber-sphere large-yellow-metal-cube)
+              (on-table large-orange-rubber-sphere)
+              (on-table large-yellow-metal-cube))))

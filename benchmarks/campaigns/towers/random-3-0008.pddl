@@ -1,0 +1,11 @@
+(define (problem random-3-0008)
+  (:domain blocksworld)
+  (:objects large-green-metal-sphere large-brown-metal-sphere - sphere
+            large-blue-metal-cube - cube)
+  (:init (on large-brown-metal-sphere large-blue-metal-cube)
+         (on-table large-green-metal-sphere)
+         (on-table large-blue-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-green-metal-sphere large-blue-metal-cube)
+              (on-table large-brown-metal-sphere)
+              (on-table large-blue-metal-cube))))

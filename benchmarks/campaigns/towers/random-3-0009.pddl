@@ -1,0 +1,11 @@
+(define (problem random-3-0009)
+  (:domain blocksworld)
+  (:objects large-gray-rubber-sphere - sphere
+            large-gray-rubber-cylinder large-cyan-metal-cylinder - cylinder)
+  (:init (on-table large-gray-rubber-sphere)
+         (on-table large-gray-rubber-cylinder)
+         (on-table large-cyan-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on large-gray-rubber-sphere large-cyan-metal-cylinder)
+              (on large-cyan-metal-cylinder large-gray-rubber-cylinder)
+              (on-table large-gray-rubber-cylinder))))

@@ -1,0 +1,11 @@
+(define (problem random-3-0010)
+  (:domain blocksworld)
+  (:objects large-cyan-metal-cylinder small-brown-rubber-cylinder - cylinder
+            large-cyan-metal-cube - cube)
+  (:init (on large-cyan-metal-cube large-cyan-metal-cylinder)
+         (on-table large-cyan-metal-cylinder)
+         (on-table small-brown-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on large-cyan-metal-cube small-brown-rubber-cylinder)
+              (on-table large-cyan-metal-cylinder)
+              (on-table small-brown-rubber-cylinder))))

@@ -1,0 +1,11 @@
+(define (problem random-3-0011)
+  (:domain blocksworld)
+  (:objects small-red-rubber-cylinder small-blue-rubber-cylinder - cylinder
+            large-orange-metal-sphere - sphere)
+  (:init (on small-red-rubber-cylinder small-blue-rubber-cylinder)
+         (on large-orange-metal-sphere small-red-rubber-cylinder)
+         (on-table small-blue-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on large-orange-metal-sphere small-red-rubber-cylinder)
+              (on-table small-red-rubber-cylinder)
+              (on-table small-blue-rubber-cylinder))))

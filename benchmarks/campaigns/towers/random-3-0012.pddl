@@ -1,0 +1,11 @@
+(define (problem random-3-0012)
+  (:domain blocksworld)
+  (:objects small-pink-rubber-sphere - sphere
+            small-yellow-metal-cube large-orange-metal-cube - cube)
+  (:init (on small-pink-rubber-sphere large-orange-metal-cube)
+         (on large-orange-metal-cube small-yellow-metal-cube)
+         (on-table small-yellow-metal-cube)
+         (hand-empty))
+  (:goal (and (on small-pink-rubber-sphere small-yellow-metal-cube)
+              (on-table small-yellow-metal-cube)
+              (on-table large-orange-metal-cube))))

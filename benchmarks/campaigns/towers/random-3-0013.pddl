@@ -1,0 +1,11 @@
+(define (problem random-3-0013)
+  (:domain blocksworld)
+  (:objects large-purple-metal-cylinder - cylinder
+            large-purple-rubber-sphere small-red-metal-sphere - sphere)
+  (:init (on small-red-metal-sphere large-purple-metal-cylinder)
+         (on-table large-purple-metal-cylinder)
+         (on-table large-purple-rubber-sphere)
+         (hand-empty))
+  (:goal (and (on large-purple-rubber-sphere large-purple-metal-cylinder)
+              (on-table large-purple-metal-cylinder)
+              (on-table small-red-metal-sphere))))

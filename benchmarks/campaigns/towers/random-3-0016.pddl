@@ -1,0 +1,11 @@
+(define (problem random-3-0016)
+  (:domain blocksworld)
+  (:objects large-yellow-metal-cube - cube
+            small-purple-rubber-cylinder large-pink-rubber-cylinder - cylinder)
+  (:init (on large-pink-rubber-cylinder small-purple-rubber-cylinder)
+         (on-table large-yellow-metal-cube)
+         (on-table small-purple-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on-table large-yellow-metal-cube)
+              (on-table small-purple-rubber-cylinder)
+              (on-table large-pink-rubber-cylinder))))

@@ -1,0 +1,11 @@
+(define (problem random-3-0017)
+  (:domain blocksworld)
+  (:objects small-pink-metal-cube small-yellow-rubber-cube - cube
+            large-gray-metal-sphere - sphere)
+  (:init (on-table small-pink-metal-cube)
+         (on-table small-yellow-rubber-cube)
+         (on-table large-gray-metal-sphere)
+         (hand-empty))
+  (:goal (and (on small-pink-metal-cube small-yellow-rubber-cube)
+              (on large-gray-metal-sphere small-pink-metal-cube)
+              (on-table small-yellow-rubber-cube))))

@@ -1,0 +1,11 @@
+(define (problem random-3-0018)
+  (:domain blocksworld)
+  (:objects large-orange-metal-cube large-brown-metal-cube - cube
+            small-cyan-metal-cylinder - cylinder)
+  (:init (on small-cyan-metal-cylinder large-orange-metal-cube)
+         (on-table large-orange-metal-cube)
+         (on-table large-brown-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-orange-metal-cube small-cyan-metal-cylinder)
+              (on-table large-brown-metal-cube)
+              (on-table small-cyan-metal-cylinder))))

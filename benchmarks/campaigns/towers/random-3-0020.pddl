@@ -1,0 +1,11 @@
+(define (problem random-3-0020)
+  (:domain blocksworld)
+  (:objects large-green-metal-sphere - sphere
+            small-red-metal-cube large-orange-metal-cube - cube)
+  (:init (on-table large-green-metal-sphere)
+         (on-table small-red-metal-cube)
+         (on-table large-orange-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-green-metal-sphere large-orange-metal-cube)
+              (on-table small-red-metal-cube)
+              (on-table large-orange-metal-cube))))

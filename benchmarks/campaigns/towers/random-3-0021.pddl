@@ -1,0 +1,11 @@
+(define (problem random-3-0021)
+  (:domain blocksworld)
+  (:objects large-orange-metal-sphere small-pink-rubber-sphere - sphere
+            small-gray-rubber-cube - cube)
+  (:init (on small-pink-rubber-sphere small-gray-rubber-cube)
+         (on-table large-orange-metal-sphere)
+         (on-table small-gray-rubber-cube)
+         (hand-empty))
+  (:goal (and (on large-orange-metal-sphere small-gray-rubber-cube)
+              (on-table small-pink-rubber-sphere)
+              (on-table small-gray-rubber-cube))))

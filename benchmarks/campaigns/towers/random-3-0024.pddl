@@ -1,0 +1,11 @@
+(define (problem random-3-0024)
+  (:domain blocksworld)
+  (:objects small-yellow-metal-cube - cube
+            large-brown-metal-cylinder small-gray-rubber-cylinder - cylinder)
+  (:init (on small-gray-rubber-cylinder small-yellow-metal-cube)
+         (on-table small-yellow-metal-cube)
+         (on-table large-brown-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on-table small-yellow-metal-cube)
+              (on-table large-brown-metal-cylinder)
+              (on-table small-gray-rubber-cylinder))))

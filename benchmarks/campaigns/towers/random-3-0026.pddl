@@ -1,0 +1,11 @@
+(define (problem random-3-0026)
+  (:domain blocksworld)
+  (:objects large-orange-rubber-cube small-blue-metal-cube - cube
+            large-orange-rubber-cylinder - cylinder)
+  (:init (on-table large-orange-rubber-cube)
+         (on-table small-blue-metal-cube)
+         (on-table large-orange-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on small-blue-metal-cube large-orange-rubber-cube)
+              (on large-orange-rubber-cylinder small-blue-metal-cube)
+              (on-table large-orange-rubber-cube))))

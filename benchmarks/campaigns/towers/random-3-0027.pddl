@@ -1,0 +1,11 @@
+(define (problem random-3-0027)
+  (:domain blocksworld)
+  (:objects large-purple-rubber-cube large-pink-metal-cube - cube
+            small-pink-rubber-cylinder - cylinder)
+  (:init (on small-pink-rubber-cylinder large-purple-rubber-cube)
+         (on-table large-purple-rubber-cube)
+         (on-table large-pink-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-purple-rubber-cube large-pink-metal-cube)
+              (on large-pink-metal-cube small-pink-rubber-cylinder)
+              (on-table small-pink-rubber-cylinder))))

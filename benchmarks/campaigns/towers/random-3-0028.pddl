@@ -1,0 +1,11 @@
+(define (problem random-3-0028)
+  (:domain blocksworld)
+  (:objects small-pink-rubber-cylinder small-yellow-rubber-cylinder - cylinder
+            large-cyan-metal-sphere - sphere)
+  (:init (on small-yellow-rubber-cylinder small-pink-rubber-cylinder)
+         (on-table small-pink-rubber-cylinder)
+         (on-table large-cyan-metal-sphere)
+         (hand-empty))
+  (:goal (and (on-table small-pink-rubber-cylinder)
+              (on-table small-yellow-rubber-cylinder)
+              (on-table large-cyan-metal-sphere))))

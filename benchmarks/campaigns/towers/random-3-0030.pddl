@@ -1,0 +1,11 @@
+(define (problem random-3-0030)
+  (:domain blocksworld)
+  (:objects large-green-metal-cube - cube
+            small-cyan-rubber-sphere large-cyan-rubber-sphere - sphere)
+  (:init (on large-cyan-rubber-sphere large-green-metal-cube)
+         (on-table large-green-metal-cube)
+         (on-table small-cyan-rubber-sphere)
+         (hand-empty))
+  (:goal (and (on-table large-green-metal-cube)
+              (on-table small-cyan-rubber-sphere)
+              (on-table large-cyan-rubber-sphere))))

@@ -1,0 +1,11 @@
+(define (problem random-3-0034)
+  (:domain blocksworld)
+  (:objects small-cyan-metal-sphere small-yellow-metal-sphere - sphere
+            large-purple-rubber-cube - cube)
+  (:init (on small-yellow-metal-sphere large-purple-rubber-cube)
+         (on-table small-cyan-metal-sphere)
+         (on-table large-purple-rubber-cube)
+         (hand-empty))
+  (:goal (and (on-table small-cyan-metal-sphere)
+              (on-table small-yellow-metal-sphere)
+              (on-table large-purple-rubber-cube))))

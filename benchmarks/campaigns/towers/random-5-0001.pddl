@@ -1,0 +1,16 @@
+(define (problem random-5-0001)
+  (:domain blocksworld)
+  (:objects large-pink-rubber-cylinder small-blue-metal-cylinder large-gray-metal-cylinder - cylinder
+            large-green-metal-cube - cube
+            large-orange-rubber-sphere - sphere)
+  (:init (on-table large-pink-rubber-cylinder)
+         (on-table small-blue-metal-cylinder)
+         (on-table large-gray-metal-cylinder)
+         (on-table large-green-metal-cube)
+         (on-table large-orange-rubber-sphere)
+         (hand-empty))
+  (:goal (and (on large-pink-rubber-cylinder large-green-metal-cube)
+              (on large-gray-metal-cylinder large-pink-rubber-cylinder)
+              (on large-orange-rubber-sphere large-gray-metal-cylinder)
+              (on-table small-blue-metal-cylinder)
+              (on-table large-green-metal-cube))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0005)
+  (:domain blocksworld)
+  (:objects small-purple-rubber-cube small-red-rubber-cube - cube
+            large-cyan-metal-cylinder small-purple-metal-cylinder - cylinder
+            large-pink-metal-sphere - sphere)
+  (:init (on large-pink-metal-sphere small-purple-metal-cylinder)
+         (on-table small-purple-rubber-cube)
+         (on-table small-red-rubber-cube)
+         (on-table large-cyan-metal-cylinder)
+         (on-table small-purple-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on large-cyan-metal-cylinder small-red-rubber-cube)
+              (on-table small-purple-rubber-cube)
+              (on-table small-red-rubber-cube)
+              (on-table small-purple-metal-cylinder)
+              (on-table large-pink-metal-sphere))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0007)
+  (:domain blocksworld)
+  (:objects large-purple-rubber-sphere large-blue-metal-sphere - sphere
+            large-brown-metal-cylinder - cylinder
+            large-red-metal-cube large-purple-metal-cube - cube)
+  (:init (on large-purple-rubber-sphere large-brown-metal-cylinder)
+         (on-table large-blue-metal-sphere)
+         (on-table large-brown-metal-cylinder)
+         (on-table large-red-metal-cube)
+         (on-table large-purple-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-brown-metal-cylinder large-red-metal-cube)
+              (on-table large-purple-rubber-sphere)
+              (on-table large-blue-metal-sphere)
+              (on-table large-red-metal-cube)
+              (on-table large-purple-metal-cube))))

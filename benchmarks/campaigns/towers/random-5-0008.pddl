@@ -1,0 +1,16 @@
+(define (problem random-5-0008)
+  (:domain blocksworld)
+  (:objects large-green-metal-sphere large-brown-metal-sphere large-blue-metal-sphere - sphere
+            large-blue-metal-cube - cube
+            large-red-rubber-cylinder - cylinder)
+  (:init (on large-green-metal-sphere large-red-rubber-cylinder)
+         (on-table large-brown-metal-sphere)
+         (on-table large-blue-metal-sphere)
+         (on-table large-blue-metal-cube)
+         (on-table large-red-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on large-green-metal-sphere large-red-rubber-cylinder)
+              (on large-blue-metal-sphere large-blue-metal-cube)
+              (on-table large-brown-metal-sphere)
+              (on-table large-blue-metal-cube)
+              (on-table large-red-rubber-cylinder))))

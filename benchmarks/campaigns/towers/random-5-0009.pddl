@@ -1,0 +1,16 @@
+(define (problem random-5-0009)
+  (:domain blocksworld)
+  (:objects large-orange-rubber-cube small-brown-rubber-cube - cube
+            small-yellow-rubber-sphere - sphere
+            large-yellow-metal-cylinder large-orange-rubber-cylinder - cylinder)
+  (:init (on large-orange-rubber-cylinder large-orange-rubber-cube)
+         (on-table large-orange-rubber-cube)
+         (on-table small-brown-rubber-cube)
+         (on-table small-yellow-rubber-sphere)
+         (on-table large-yellow-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on-table large-orange-rubber-cube)
+              (on-table small-brown-rubber-cube)
+              (on-table small-yellow-rubber-sphere)
+              (on-table large-yellow-metal-cylinder)
+              (on-table large-orange-rubber-cylinder))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0010)
+  (:domain blocksworld)
+  (:objects large-purple-rubber-cube large-yellow-metal-cube small-yellow-metal-cube - cube
+            small-orange-metal-sphere - sphere
+            large-orange-rubber-cylinder - cylinder)
+  (:init (on small-orange-metal-sphere large-orange-rubber-cylinder)
+         (on-table large-purple-rubber-cube)
+         (on-table large-yellow-metal-cube)
+         (on-table small-yellow-metal-cube)
+         (on-table large-orange-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on-table large-purple-rubber-cube)
+              (on-table large-yellow-metal-cube)
+              (on-table small-yellow-metal-cube)
+              (on-table small-orange-metal-sphere)
+              (on-table large-orange-rubber-cylinder))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0011)
+  (:domain blocksworld)
+  (:objects large-blue-rubber-cube - cube
+            small-yellow-rubber-cylinder large-brown-metal-cylinder small-yellow-metal-cylinder - cylinder
+            small-yellow-metal-sphere - sphere)
+  (:init (on small-yellow-rubber-cylinder large-brown-metal-cylinder)
+         (on-table large-blue-rubber-cube)
+         (on-table large-brown-metal-cylinder)
+         (on-table small-yellow-metal-cylinder)
+         (on-table small-yellow-metal-sphere)
+         (hand-empty))
+  (:goal (and (on small-yellow-rubber-cylinder large-blue-rubber-cube)
+              (on-table large-blue-rubber-cube)
+              (on-table large-brown-metal-cylinder)
+              (on-table small-yellow-metal-cylinder)
+              (on-table small-yellow-metal-sphere))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0012)
+  (:domain blocksworld)
+  (:objects small-pink-rubber-sphere - sphere
+            small-yellow-metal-cube large-orange-metal-cube small-orange-metal-cube - cube
+            large-gray-metal-cylinder - cylinder)
+  (:init (on small-pink-rubber-sphere large-orange-metal-cube)
+         (on large-orange-metal-cube small-orange-metal-cube)
+         (on-table small-yellow-metal-cube)
+         (on-table small-orange-metal-cube)
+         (on-table large-gray-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-pink-rubber-sphere large-gray-metal-cylinder)
+              (on small-yellow-metal-cube large-orange-metal-cube)
+              (on small-orange-metal-cube small-yellow-metal-cube)
+              (on-table large-orange-metal-cube)
+              (on-table large-gray-metal-cylinder))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0013)
+  (:domain blocksworld)
+  (:objects large-purple-metal-cylinder - cylinder
+            large-purple-rubber-sphere small-red-metal-sphere small-blue-metal-sphere - sphere
+            small-brown-metal-cube - cube)
+  (:init (on large-purple-rubber-sphere large-purple-metal-cylinder)
+         (on-table large-purple-metal-cylinder)
+         (on-table small-red-metal-sphere)
+         (on-table small-blue-metal-sphere)
+         (on-table small-brown-metal-cube)
+         (hand-empty))
+  (:goal (and (on small-red-metal-sphere small-brown-metal-cube)
+              (on small-blue-metal-sphere large-purple-metal-cylinder)
+              (on-table large-purple-metal-cylinder)
+              (on-table large-purple-rubber-sphere)
+              (on-table small-brown-metal-cube))))

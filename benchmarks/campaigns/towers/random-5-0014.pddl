@@ -1,0 +1,16 @@
+(define (problem random-5-0014)
+  (:domain blocksworld)
+  (:objects small-brown-rubber-cube - cube
+            small-purple-rubber-sphere large-orange-rubber-sphere small-yellow-rubber-sphere - sphere
+            small-purple-metal-cylinder - cylinder)
+  (:init (on large-orange-rubber-sphere small-brown-rubber-cube)
+         (on-table small-brown-rubber-cube)
+         (on-table small-purple-rubber-sphere)
+         (on-table small-yellow-rubber-sphere)
+         (on-table small-purple-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-purple-rubber-sphere small-purple-metal-cylinder)
+              (on-table small-brown-rubber-cube)
+              (on-table large-orange-rubber-sphere)
+              (on-table small-yellow-rubber-sphere)
+              (on-table small-purple-metal-cylinder))))

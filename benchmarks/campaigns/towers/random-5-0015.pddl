@@ -1,0 +1,16 @@
+(define (problem random-5-0015)
+  (:domain blocksworld)
+  (:objects small-purple-metal-cylinder - cylinder
+            large-orange-metal-sphere small-cyan-rubber-sphere large-purple-metal-sphere - sphere
+            small-red-metal-cube - cube)
+  (:init (on small-purple-metal-cylinder small-red-metal-cube)
+         (on large-purple-metal-sphere small-purple-metal-cylinder)
+         (on-table large-orange-metal-sphere)
+         (on-table small-cyan-rubber-sphere)
+         (on-table small-red-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-orange-metal-sphere small-red-metal-cube)
+              (on-table small-purple-metal-cylinder)
+              (on-table small-cyan-rubber-sphere)
+              (on-table large-purple-metal-sphere)
+              (on-table small-red-metal-cube))))

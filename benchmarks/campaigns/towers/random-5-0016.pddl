@@ -1,0 +1,16 @@
+(define (problem random-5-0016)
+  (:domain blocksworld)
+  (:objects large-yellow-metal-cube large-gray-metal-cube - cube
+            small-purple-rubber-cylinder large-pink-rubber-cylinder - cylinder
+            small-pink-metal-sphere - sphere)
+  (:init (on large-yellow-metal-cube small-purple-rubber-cylinder)
+         (on small-pink-metal-sphere large-yellow-metal-cube)
+         (on-table large-gray-metal-cube)
+         (on-table small-purple-rubber-cylinder)
+         (on-table large-pink-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on large-pink-rubber-cylinder large-gray-metal-cube)
+              (on-table large-yellow-metal-cube)
+              (on-table large-gray-metal-cube)
+              (on-table small-purple-rubber-cylinder)
+              (on-table small-pink-metal-sphere))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0017)
+  (:domain blocksworld)
+  (:objects large-purple-metal-cylinder - cylinder
+            small-gray-metal-cube large-purple-metal-cube - cube
+            small-cyan-metal-sphere small-yellow-rubber-sphere - sphere)
+  (:init (on-table large-purple-metal-cylinder)
+         (on-table small-gray-metal-cube)
+         (on-table large-purple-metal-cube)
+         (on-table small-cyan-metal-sphere)
+         (on-table small-yellow-rubber-sphere)
+         (hand-empty))
+  (:goal (and (on large-purple-metal-cube small-gray-metal-cube)
+              (on-table large-purple-metal-cylinder)
+              (on-table small-gray-metal-cube)
+              (on-table small-cyan-metal-sphere)
+              (on-table small-yellow-rubber-sphere))))

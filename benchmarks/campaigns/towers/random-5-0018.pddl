@@ -1,0 +1,16 @@
+(define (problem random-5-0018)
+  (:domain blocksworld)
+  (:objects large-orange-metal-cube large-brown-metal-cube - cube
+            small-cyan-metal-cylinder small-blue-rubber-cylinder - cylinder
+            small-red-rubber-sphere - sphere)
+  (:init (on small-cyan-metal-cylinder large-brown-metal-cube)
+         (on small-blue-rubber-cylinder small-cyan-metal-cylinder)
+         (on small-red-rubber-sphere large-orange-metal-cube)
+         (on-table large-orange-metal-cube)
+         (on-table large-brown-metal-cube)
+         (hand-empty))
+  (:goal (and (on small-cyan-metal-cylinder large-orange-metal-cube)
+              (on small-red-rubber-sphere large-brown-metal-cube)
+              (on-table large-orange-metal-cube)
+              (on-table large-brown-metal-cube)
+              (on-table small-blue-rubber-cylinder))))

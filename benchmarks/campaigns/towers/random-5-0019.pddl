@@ -1,0 +1,16 @@
+(define (problem random-5-0019)
+  (:domain blocksworld)
+  (:objects large-gray-metal-sphere large-gray-rubber-sphere - sphere
+            small-blue-rubber-cylinder - cylinder
+            large-gray-metal-cube small-brown-metal-cube - cube)
+  (:init (on large-gray-metal-sphere small-brown-metal-cube)
+         (on large-gray-rubber-sphere small-blue-rubber-cylinder)
+         (on-table small-blue-rubber-cylinder)
+         (on-table large-gray-metal-cube)
+         (on-table small-brown-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-gray-metal-cube small-blue-rubber-cylinder)
+              (on-table large-gray-metal-sphere)
+              (on-table large-gray-rubber-sphere)
+              (on-table small-blue-rubber-cylinder)
+              (on-table small-brown-metal-cube))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0020)
+  (:domain blocksworld)
+  (:objects large-green-metal-sphere - sphere
+            small-red-metal-cube large-orange-metal-cube small-pink-metal-cube - cube
+            small-pink-rubber-cylinder - cylinder)
+  (:init (on large-green-metal-sphere large-orange-metal-cube)
+         (on-table small-red-metal-cube)
+         (on-table large-orange-metal-cube)
+         (on-table small-pink-metal-cube)
+         (on-table small-pink-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on large-green-metal-sphere small-pink-metal-cube)
+              (on large-orange-metal-cube small-red-metal-cube)
+              (on small-pink-metal-cube small-pink-rubber-cylinder)
+              (on-table small-red-metal-cube)
+              (on-table small-pink-rubber-cylinder))))

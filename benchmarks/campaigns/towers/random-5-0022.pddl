@@ -1,0 +1,16 @@
+(define (problem random-5-0022)
+  (:domain blocksworld)
+  (:objects small-gray-rubber-sphere small-cyan-rubber-sphere large-brown-metal-sphere - sphere
+            small-red-rubber-cube - cube
+            small-cyan-metal-cylinder - cylinder)
+  (:init (on large-brown-metal-sphere small-cyan-metal-cylinder)
+         (on-table small-gray-rubber-sphere)
+         (on-table small-cyan-rubber-sphere)
+         (on-table small-red-rubber-cube)
+         (on-table small-cyan-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-gray-rubber-sphere small-cyan-metal-cylinder)
+              (on large-brown-metal-sphere small-red-rubber-cube)
+              (on-table small-cyan-rubber-sphere)
+              (on-table small-red-rubber-cube)
+              (on-table small-cyan-metal-cylinder))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0023)
+  (:domain blocksworld)
+  (:objects small-purple-metal-cube small-gray-rubber-cube - cube
+            small-gray-metal-sphere large-purple-rubber-sphere - sphere
+            small-cyan-metal-cylinder - cylinder)
+  (:init (on large-purple-rubber-sphere small-cyan-metal-cylinder)
+         (on-table small-purple-metal-cube)
+         (on-table small-gray-rubber-cube)
+         (on-table small-gray-metal-sphere)
+         (on-table small-cyan-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-gray-rubber-cube small-purple-metal-cube)
+              (on large-purple-rubber-sphere small-cyan-metal-cylinder)
+              (on-table small-purple-metal-cube)
+              (on-table small-gray-metal-sphere)
+              (on-table small-cyan-metal-cylinder))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0026)
+  (:domain blocksworld)
+  (:objects small-purple-rubber-sphere large-red-metal-sphere large-cyan-rubber-sphere - sphere
+            small-cyan-metal-cube - cube
+            small-green-rubber-cylinder - cylinder)
+  (:init (on large-red-metal-sphere small-cyan-metal-cube)
+         (on-table small-purple-rubber-sphere)
+         (on-table large-cyan-rubber-sphere)
+         (on-table small-cyan-metal-cube)
+         (on-table small-green-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on small-green-rubber-cylinder small-cyan-metal-cube)
+              (on-table small-purple-rubber-sphere)
+              (on-table large-red-metal-sphere)
+              (on-table large-cyan-rubber-sphere)
+              (on-table small-cyan-metal-cube))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0027)
+  (:domain blocksworld)
+  (:objects large-purple-rubber-cube large-pink-metal-cube - cube
+            small-pink-rubber-cylinder large-gray-metal-cylinder - cylinder
+            large-brown-metal-sphere - sphere)
+  (:init (on large-gray-metal-cylinder small-pink-rubber-cylinder)
+         (on-table large-purple-rubber-cube)
+         (on-table large-pink-metal-cube)
+         (on-table small-pink-rubber-cylinder)
+         (on-table large-brown-metal-sphere)
+         (hand-empty))
+  (:goal (and (on small-pink-rubber-cylinder large-pink-metal-cube)
+              (on-table large-purple-rubber-cube)
+              (on-table large-pink-metal-cube)
+              (on-table large-gray-metal-cylinder)
+              (on-table large-brown-metal-sphere))))

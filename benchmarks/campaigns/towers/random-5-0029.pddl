@@ -1,0 +1,16 @@
+(define (problem random-5-0029)
+  (:domain blocksworld)
+  (:objects small-pink-rubber-cylinder small-red-metal-cylinder small-orange-metal-cylinder - cylinder
+            small-red-rubber-cube - cube
+            large-yellow-metal-sphere - sphere)
+  (:init (on small-red-metal-cylinder small-red-rubber-cube)
+         (on small-red-rubber-cube small-pink-rubber-cylinder)
+         (on large-yellow-metal-sphere small-orange-metal-cylinder)
+         (on-table small-pink-rubber-cylinder)
+         (on-table small-orange-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-orange-metal-cylinder small-pink-rubber-cylinder)
+              (on small-red-rubber-cube small-orange-metal-cylinder)
+              (on large-yellow-metal-sphere small-red-rubber-cube)
+              (on-table small-pink-rubber-cylinder)
+              (on-table small-red-metal-cylinder))))

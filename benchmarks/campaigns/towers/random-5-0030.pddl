@@ -1,0 +1,16 @@
+(define (problem random-5-0030)
+  (:domain blocksworld)
+  (:objects large-green-metal-cube - cube
+            small-cyan-rubber-sphere large-cyan-rubber-sphere large-purple-rubber-sphere - sphere
+            large-cyan-metal-cylinder - cylinder)
+  (:init (on small-cyan-rubber-sphere large-green-metal-cube)
+         (on large-purple-rubber-sphere large-cyan-metal-cylinder)
+         (on-table large-green-metal-cube)
+         (on-table large-cyan-rubber-sphere)
+         (on-table large-cyan-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on large-green-metal-cube large-cyan-metal-cylinder)
+              (on-table small-cyan-rubber-sphere)
+              (on-table large-cyan-rubber-sphere)
+              (on-table large-purple-rubber-sphere)
+              (on-table large-cyan-metal-cylinder))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0032)
+  (:domain blocksworld)
+  (:objects small-red-rubber-cylinder small-blue-metal-cylinder - cylinder
+            large-gray-rubber-cube large-gray-metal-cube - cube
+            large-purple-metal-sphere - sphere)
+  (:init (on large-purple-metal-sphere large-gray-rubber-cube)
+         (on-table small-red-rubber-cylinder)
+         (on-table small-blue-metal-cylinder)
+         (on-table large-gray-rubber-cube)
+         (on-table large-gray-metal-cube)
+         (hand-empty))
+  (:goal (and (on small-red-rubber-cylinder large-gray-rubber-cube)
+              (on large-gray-metal-cube small-blue-metal-cylinder)
+              (on-table small-blue-metal-cylinder)
+              (on-table large-gray-rubber-cube)
+              (on-table large-purple-metal-sphere))))

@@ -1,0 +1,16 @@
+(define (problem random-5-0033)
+  (:domain blocksworld)
+  (:objects small-red-metal-sphere small-green-metal-sphere large-green-metal-sphere - sphere
+            large-brown-metal-cube - cube
+            small-purple-metal-cylinder - cylinder)
+  (:init (on small-green-metal-sphere small-purple-metal-cylinder)
+         (on-table small-red-metal-sphere)
+         (on-table large-green-metal-sphere)
+         (on-table large-brown-metal-cube)
+         (on-table small-purple-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-red-metal-sphere small-purple-metal-cylinder)
+              (on large-green-metal-sphere large-brown-metal-cube)
+              (on-table small-green-metal-sphere)
+              (on-table large-brown-metal-cube)
+              (on-table small-purple-metal-cylinder))))

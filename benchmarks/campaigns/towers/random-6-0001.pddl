@@ -1,0 +1,18 @@
+(define (problem random-6-0001)
+  (:domain blocksworld)
+  (:objects large-pink-rubber-cylinder small-blue-metal-cylinder large-gray-metal-cylinder - cylinder
+            large-green-metal-cube large-cyan-metal-cube - cube
+            large-orange-rubber-sphere - sphere)
+  (:init (on large-gray-metal-cylinder large-cyan-metal-cube)
+         (on large-cyan-metal-cube large-green-metal-cube)
+         (on large-orange-rubber-sphere large-gray-metal-cylinder)
+         (on-table large-pink-rubber-cylinder)
+         (on-table small-blue-metal-cylinder)
+         (on-table large-green-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-pink-rubber-cylinder large-green-metal-cube)
+              (on small-blue-metal-cylinder large-cyan-metal-cube)
+              (on large-cyan-metal-cube large-pink-rubber-cylinder)
+              (on-table large-gray-metal-cylinder)
+              (on-table large-green-metal-cube)
+              (on-table large-orange-rubber-sphere))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0003)
+  (:domain blocksworld)
+  (:objects small-gray-metal-sphere - sphere
+            large-red-rubber-cylinder large-blue-metal-cylinder large-brown-rubber-cylinder large-yellow-metal-cylinder - cylinder
+            small-brown-metal-cube - cube)
+  (:init (on small-gray-metal-sphere large-brown-rubber-cylinder)
+         (on large-brown-rubber-cylinder large-yellow-metal-cylinder)
+         (on large-yellow-metal-cylinder large-blue-metal-cylinder)
+         (on-table large-red-rubber-cylinder)
+         (on-table large-blue-metal-cylinder)
+         (on-table small-brown-metal-cube)
+         (hand-empty))
+  (:goal (and (on small-gray-metal-sphere large-blue-metal-cylinder)
+              (on-table large-red-rubber-cylinder)
+              (on-table large-blue-metal-cylinder)
+              (on-table large-brown-rubber-cylinder)
+              (on-table large-yellow-metal-cylinder)
+              (on-table small-brown-metal-cube))))

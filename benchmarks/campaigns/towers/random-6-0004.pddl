@@ -1,0 +1,18 @@
+(define (problem random-6-0004)
+  (:domain blocksworld)
+  (:objects large-green-rubber-cylinder large-orange-rubber-cylinder small-yellow-rubber-cylinder - cylinder
+            small-yellow-metal-sphere large-yellow-rubber-sphere - sphere
+            large-yellow-rubber-cube - cube)
+  (:init (on-table large-green-rubber-cylinder)
+         (on-table large-orange-rubber-cylinder)
+         (on-table small-yellow-rubber-cylinder)
+         (on-table small-yellow-metal-sphere)
+         (on-table large-yellow-rubber-sphere)
+         (on-table large-yellow-rubber-cube)
+         (hand-empty))
+  (:goal (and (on small-yellow-metal-sphere large-yellow-rubber-cube)
+              (on-table large-green-rubber-cylinder)
+              (on-table large-orange-rubber-cylinder)
+              (on-table small-yellow-rubber-cylinder)
+              (on-table large-yellow-rubber-sphere)
+              (on-table large-yellow-rubber-cube))))

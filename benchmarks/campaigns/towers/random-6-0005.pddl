@@ -1,0 +1,18 @@
+(define (problem random-6-0005)
+  (:domain blocksworld)
+  (:objects small-purple-rubber-cube small-red-rubber-cube - cube
+            large-cyan-metal-cylinder small-purple-metal-cylinder - cylinder
+            large-pink-metal-sphere large-cyan-metal-sphere - sphere)
+  (:init (on small-purple-rubber-cube small-red-rubber-cube)
+         (on small-purple-metal-cylinder large-cyan-metal-cylinder)
+         (on large-cyan-metal-sphere small-purple-metal-cylinder)
+         (on-table small-red-rubber-cube)
+         (on-table large-cyan-metal-cylinder)
+         (on-table large-pink-metal-sphere)
+         (hand-empty))
+  (:goal (and (on small-red-rubber-cube small-purple-metal-cylinder)
+              (on large-cyan-metal-sphere small-purple-rubber-cube)
+              (on-table small-purple-rubber-cube)
+              (on-table large-cyan-metal-cylinder)
+              (on-table small-purple-metal-cylinder)
+              (on-table large-pink-metal-sphere))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0008)
+  (:domain blocksworld)
+  (:objects large-green-metal-sphere large-brown-metal-sphere large-blue-metal-sphere - sphere
+            large-blue-metal-cube - cube
+            large-red-rubber-cylinder large-brown-metal-cylinder - cylinder)
+  (:init (on large-brown-metal-sphere large-blue-metal-cube)
+         (on-table large-green-metal-sphere)
+         (on-table large-blue-metal-sphere)
+         (on-table large-blue-metal-cube)
+         (on-table large-red-rubber-cylinder)
+         (on-table large-brown-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on large-blue-metal-sphere large-blue-metal-cube)
+              (on large-blue-metal-cube large-red-rubber-cylinder)
+              (on-table large-green-metal-sphere)
+              (on-table large-brown-metal-sphere)
+              (on-table large-red-rubber-cylinder)
+              (on-table large-brown-metal-cylinder))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0010)
+  (:domain blocksworld)
+  (:objects large-purple-rubber-cube large-yellow-metal-cube small-yellow-metal-cube large-yellow-rubber-cube - cube
+            small-orange-metal-sphere - sphere
+            large-orange-rubber-cylinder - cylinder)
+  (:init (on small-yellow-metal-cube large-purple-rubber-cube)
+         (on-table large-purple-rubber-cube)
+         (on-table large-yellow-metal-cube)
+         (on-table large-yellow-rubber-cube)
+         (on-table small-orange-metal-sphere)
+         (on-table large-orange-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on large-yellow-metal-cube large-orange-rubber-cylinder)
+              (on small-orange-metal-sphere large-yellow-rubber-cube)
+              (on-table large-purple-rubber-cube)
+              (on-table small-yellow-metal-cube)
+              (on-table large-yellow-rubber-cube)
+              (on-table large-orange-rubber-cylinder))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0011)
+  (:domain blocksworld)
+  (:objects large-blue-metal-cylinder large-gray-metal-cylinder small-green-rubber-cylinder - cylinder
+            large-brown-rubber-sphere large-green-rubber-sphere - sphere
+            small-gray-rubber-cube - cube)
+  (:init (on large-blue-metal-cylinder large-gray-metal-cylinder)
+         (on large-brown-rubber-sphere large-blue-metal-cylinder)
+         (on large-green-rubber-sphere small-green-rubber-cylinder)
+         (on-table large-gray-metal-cylinder)
+         (on-table small-green-rubber-cylinder)
+         (on-table small-gray-rubber-cube)
+         (hand-empty))
+  (:goal (and (on large-gray-metal-cylinder small-green-rubber-cylinder)
+              (on large-brown-rubber-sphere large-blue-metal-cylinder)
+              (on large-green-rubber-sphere large-gray-metal-cylinder)
+              (on-table large-blue-metal-cylinder)
+              (on-table small-green-rubber-cylinder)
+              (on-table small-gray-rubber-cube))))

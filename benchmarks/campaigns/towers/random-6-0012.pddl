@@ -1,0 +1,18 @@
+(define (problem random-6-0012)
+  (:domain blocksworld)
+  (:objects small-pink-rubber-sphere large-blue-metal-sphere - sphere
+            small-yellow-metal-cube large-orange-metal-cube small-orange-metal-cube - cube
+            large-gray-metal-cylinder - cylinder)
+  (:init (on large-gray-metal-cylinder large-orange-metal-cube)
+         (on-table small-pink-rubber-sphere)
+         (on-table large-blue-metal-sphere)
+         (on-table small-yellow-metal-cube)
+         (on-table large-orange-metal-cube)
+         (on-table small-orange-metal-cube)
+         (hand-empty))
+  (:goal (and (on large-orange-metal-cube small-yellow-metal-cube)
+              (on-table small-pink-rubber-sphere)
+              (on-table large-blue-metal-sphere)
+              (on-table small-yellow-metal-cube)
+              (on-table small-orange-metal-cube)
+              (on-table large-gray-metal-cylinder))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0013)
+  (:domain blocksworld)
+  (:objects large-purple-metal-cylinder - cylinder
+            large-purple-rubber-sphere small-red-metal-sphere small-blue-metal-sphere - sphere
+            small-brown-metal-cube small-purple-rubber-cube - cube)
+  (:init (on large-purple-rubber-sphere large-purple-metal-cylinder)
+         (on small-red-metal-sphere small-purple-rubber-cube)
+         (on-table large-purple-metal-cylinder)
+         (on-table small-blue-metal-sphere)
+         (on-table small-brown-metal-cube)
+         (on-table small-purple-rubber-cube)
+         (hand-empty))
+  (:goal (and (on-table large-purple-metal-cylinder)
+              (on-table large-purple-rubber-sphere)
+              (on-table small-red-metal-sphere)
+              (on-table small-blue-metal-sphere)
+              (on-table small-brown-metal-cube)
+              (on-table small-purple-rubber-cube))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0014)
+  (:domain blocksworld)
+  (:objects small-brown-rubber-cube - cube
+            small-purple-rubber-sphere large-orange-rubber-sphere small-yellow-rubber-sphere - sphere
+            small-purple-metal-cylinder large-green-metal-cylinder - cylinder)
+  (:init (on large-green-metal-cylinder small-brown-rubber-cube)
+         (on-table small-brown-rubber-cube)
+         (on-table small-purple-rubber-sphere)
+         (on-table large-orange-rubber-sphere)
+         (on-table small-yellow-rubber-sphere)
+         (on-table small-purple-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-brown-rubber-cube small-purple-metal-cylinder)
+              (on small-yellow-rubber-sphere small-brown-rubber-cube)
+              (on small-purple-metal-cylinder large-green-metal-cylinder)
+              (on-table small-purple-rubber-sphere)
+              (on-table large-orange-rubber-sphere)
+              (on-table large-green-metal-cylinder))))

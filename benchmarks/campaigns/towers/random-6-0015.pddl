@@ -1,0 +1,18 @@
+(define (problem random-6-0015)
+  (:domain blocksworld)
+  (:objects small-purple-metal-cylinder - cylinder
+            large-orange-metal-sphere small-cyan-rubber-sphere large-purple-metal-sphere large-blue-rubber-sphere - sphere
+            small-red-metal-cube - cube)
+  (:init (on large-orange-metal-sphere small-purple-metal-cylinder)
+         (on-table small-purple-metal-cylinder)
+         (on-table small-cyan-rubber-sphere)
+         (on-table large-purple-metal-sphere)
+         (on-table large-blue-rubber-sphere)
+         (on-table small-red-metal-cube)
+         (hand-empty))
+  (:goal (and (on small-cyan-rubber-sphere small-red-metal-cube)
+              (on large-blue-rubber-sphere small-purple-metal-cylinder)
+              (on-table small-purple-metal-cylinder)
+              (on-table large-orange-metal-sphere)
+              (on-table large-purple-metal-sphere)
+              (on-table small-red-metal-cube))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0016)
+  (:domain blocksworld)
+  (:objects large-yellow-metal-cube large-gray-metal-cube - cube
+            small-purple-rubber-cylinder large-pink-rubber-cylinder - cylinder
+            small-pink-metal-sphere large-red-rubber-sphere - sphere)
+  (:init (on small-pink-metal-sphere large-gray-metal-cube)
+         (on-table large-yellow-metal-cube)
+         (on-table large-gray-metal-cube)
+         (on-table small-purple-rubber-cylinder)
+         (on-table large-pink-rubber-cylinder)
+         (on-table large-red-rubber-sphere)
+         (hand-empty))
+  (:goal (and (on large-yellow-metal-cube large-gray-metal-cube)
+              (on small-pink-metal-sphere large-yellow-metal-cube)
+              (on-table large-gray-metal-cube)
+              (on-table small-purple-rubber-cylinder)
+              (on-table large-pink-rubber-cylinder)
+              (on-table large-red-rubber-sphere))))

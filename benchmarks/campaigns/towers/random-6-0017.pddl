@@ -1,0 +1,18 @@
+(define (problem random-6-0017)
+  (:domain blocksworld)
+  (:objects large-purple-metal-cylinder large-pink-rubber-cylinder - cylinder
+            small-gray-metal-cube large-purple-metal-cube - cube
+            small-cyan-metal-sphere small-yellow-rubber-sphere - sphere)
+  (:init (on large-purple-metal-cylinder large-purple-metal-cube)
+         (on small-cyan-metal-sphere small-gray-metal-cube)
+         (on small-yellow-rubber-sphere large-purple-metal-cylinder)
+         (on-table large-pink-rubber-cylinder)
+         (on-table small-gray-metal-cube)
+         (on-table large-purple-metal-cube)
+         (hand-empty))
+  (:goal (and (on small-cyan-metal-sphere large-purple-metal-cube)
+              (on small-yellow-rubber-sphere large-pink-rubber-cylinder)
+              (on-table large-purple-metal-cylinder)
+              (on-table large-pink-rubber-cylinder)
+              (on-table small-gray-metal-cube)
+              (on-table large-purple-metal-cube))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0018)
+  (:domain blocksworld)
+  (:objects large-orange-metal-cube large-brown-metal-cube large-gray-metal-cube - cube
+            small-cyan-metal-cylinder small-blue-rubber-cylinder - cylinder
+            small-red-rubber-sphere - sphere)
+  (:init (on small-blue-rubber-cylinder small-cyan-metal-cylinder)
+         (on-table large-orange-metal-cube)
+         (on-table large-brown-metal-cube)
+         (on-table large-gray-metal-cube)
+         (on-table small-cyan-metal-cylinder)
+         (on-table small-red-rubber-sphere)
+         (hand-empty))
+  (:goal (and (on large-orange-metal-cube large-brown-metal-cube)
+              (on-table large-brown-metal-cube)
+              (on-table large-gray-metal-cube)
+              (on-table small-cyan-metal-cylinder)
+              (on-table small-blue-rubber-cylinder)
+              (on-table small-red-rubber-sphere))))

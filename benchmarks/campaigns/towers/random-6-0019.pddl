@@ -1,0 +1,18 @@
+(define (problem random-6-0019)
+  (:domain blocksworld)
+  (:objects large-gray-metal-sphere large-gray-rubber-sphere - sphere
+            small-blue-rubber-cylinder small-pink-rubber-cylinder - cylinder
+            large-gray-metal-cube small-brown-metal-cube - cube)
+  (:init (on small-brown-metal-cube small-pink-rubber-cylinder)
+         (on-table large-gray-metal-sphere)
+         (on-table large-gray-rubber-sphere)
+         (on-table small-blue-rubber-cylinder)
+         (on-table small-pink-rubber-cylinder)
+         (on-table large-gray-metal-cube)
+         (hand-empty))
+  (:goal (and (on small-blue-rubber-cylinder small-brown-metal-cube)
+              (on small-brown-metal-cube large-gray-metal-cube)
+              (on-table large-gray-metal-sphere)
+              (on-table large-gray-rubber-sphere)
+              (on-table small-pink-rubber-cylinder)
+              (on-table large-gray-metal-cube))))

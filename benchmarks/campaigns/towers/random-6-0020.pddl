@@ -1,0 +1,18 @@
+(define (problem random-6-0020)
+  (:domain blocksworld)
+  (:objects large-green-metal-sphere - sphere
+            small-red-metal-cube large-orange-metal-cube small-pink-metal-cube - cube
+            small-pink-rubber-cylinder large-yellow-rubber-cylinder - cylinder)
+  (:init (on large-green-metal-sphere small-pink-metal-cube)
+         (on small-red-metal-cube large-orange-metal-cube)
+         (on-table large-orange-metal-cube)
+         (on-table small-pink-metal-cube)
+         (on-table small-pink-rubber-cylinder)
+         (on-table large-yellow-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on large-yellow-rubber-cylinder small-red-metal-cube)
+              (on-table large-green-metal-sphere)
+              (on-table small-red-metal-cube)
+              (on-table large-orange-metal-cube)
+              (on-table small-pink-metal-cube)
+              (on-table small-pink-rubber-cylinder))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0021)
+  (:domain blocksworld)
+  (:objects large-yellow-metal-sphere large-brown-metal-sphere large-gray-metal-sphere - sphere
+            small-brown-metal-cube large-purple-metal-cube - cube
+            small-orange-metal-cylinder - cylinder)
+  (:init (on large-gray-metal-sphere small-orange-metal-cylinder)
+         (on-table large-yellow-metal-sphere)
+         (on-table large-brown-metal-sphere)
+         (on-table small-brown-metal-cube)
+         (on-table large-purple-metal-cube)
+         (on-table small-orange-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on large-yellow-metal-sphere small-orange-metal-cylinder)
+              (on large-brown-metal-sphere small-brown-metal-cube)
+              (on small-orange-metal-cylinder large-purple-metal-cube)
+              (on-table large-gray-metal-sphere)
+              (on-table small-brown-metal-cube)
+              (on-table large-purple-metal-cube))))

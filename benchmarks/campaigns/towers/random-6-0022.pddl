@@ -1,0 +1,18 @@
+(define (problem random-6-0022)
+  (:domain blocksworld)
+  (:objects small-gray-rubber-sphere small-cyan-rubber-sphere large-brown-metal-sphere - sphere
+            small-red-rubber-cube small-gray-metal-cube - cube
+            small-cyan-metal-cylinder - cylinder)
+  (:init (on small-gray-rubber-sphere small-cyan-metal-cylinder)
+         (on small-cyan-rubber-sphere small-red-rubber-cube)
+         (on large-brown-metal-sphere small-gray-metal-cube)
+         (on-table small-red-rubber-cube)
+         (on-table small-gray-metal-cube)
+         (on-table small-cyan-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-gray-rubber-sphere small-gray-metal-cube)
+              (on small-cyan-metal-cylinder small-red-rubber-cube)
+              (on-table small-cyan-rubber-sphere)
+              (on-table large-brown-metal-sphere)
+              (on-table small-red-rubber-cube)
+              (on-table small-gray-metal-cube))))

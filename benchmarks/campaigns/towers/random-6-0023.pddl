@@ -1,0 +1,18 @@
+(define (problem random-6-0023)
+  (:domain blocksworld)
+  (:objects small-purple-metal-cube small-gray-rubber-cube - cube
+            small-gray-metal-sphere large-purple-rubber-sphere large-yellow-rubber-sphere - sphere
+            small-cyan-metal-cylinder - cylinder)
+  (:init (on-table small-purple-metal-cube)
+         (on-table small-gray-rubber-cube)
+         (on-table small-gray-metal-sphere)
+         (on-table large-purple-rubber-sphere)
+         (on-table large-yellow-rubber-sphere)
+         (on-table small-cyan-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-gray-rubber-cube small-cyan-metal-cylinder)
+              (on large-purple-rubber-sphere small-purple-metal-cube)
+              (on-table small-purple-metal-cube)
+              (on-table small-gray-metal-sphere)
+              (on-table large-yellow-rubber-sphere)
+              (on-table small-cyan-metal-cylinder))))

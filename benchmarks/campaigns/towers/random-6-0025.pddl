@@ -1,0 +1,18 @@
+(define (problem random-6-0025)
+  (:domain blocksworld)
+  (:objects small-brown-metal-sphere small-red-rubber-sphere - sphere
+            large-brown-rubber-cube large-brown-metal-cube - cube
+            small-pink-rubber-cylinder small-brown-metal-cylinder - cylinder)
+  (:init (on large-brown-rubber-cube small-pink-rubber-cylinder)
+         (on-table small-brown-metal-sphere)
+         (on-table small-red-rubber-sphere)
+         (on-table large-brown-metal-cube)
+         (on-table small-pink-rubber-cylinder)
+         (on-table small-brown-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on small-red-rubber-sphere large-brown-rubber-cube)
+              (on large-brown-metal-cube small-pink-rubber-cylinder)
+              (on small-pink-rubber-cylinder small-brown-metal-cylinder)
+              (on-table small-brown-metal-sphere)
+              (on-table large-brown-rubber-cube)
+              (on-table small-brown-metal-cylinder))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0026)
+  (:domain blocksworld)
+  (:objects small-purple-rubber-sphere large-red-metal-sphere large-cyan-rubber-sphere - sphere
+            small-cyan-metal-cube large-gray-metal-cube - cube
+            small-green-rubber-cylinder - cylinder)
+  (:init (on small-purple-rubber-sphere large-gray-metal-cube)
+         (on-table large-red-metal-sphere)
+         (on-table large-cyan-rubber-sphere)
+         (on-table small-cyan-metal-cube)
+         (on-table large-gray-metal-cube)
+         (on-table small-green-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on small-purple-rubber-sphere small-green-rubber-cylinder)
+              (on large-cyan-rubber-sphere small-cyan-metal-cube)
+              (on-table large-red-metal-sphere)
+              (on-table small-cyan-metal-cube)
+              (on-table large-gray-metal-cube)
+              (on-table small-green-rubber-cylinder))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0027)
+  (:domain blocksworld)
+  (:objects large-purple-rubber-cube large-pink-metal-cube - cube
+            small-pink-rubber-cylinder large-gray-metal-cylinder small-purple-rubber-cylinder - cylinder
+            large-brown-metal-sphere - sphere)
+  (:init (on large-purple-rubber-cube large-pink-metal-cube)
+         (on-table large-pink-metal-cube)
+         (on-table small-pink-rubber-cylinder)
+         (on-table large-gray-metal-cylinder)
+         (on-table small-purple-rubber-cylinder)
+         (on-table large-brown-metal-sphere)
+         (hand-empty))
+  (:goal (and (on small-pink-rubber-cylinder large-pink-metal-cube)
+              (on large-gray-metal-cylinder small-purple-rubber-cylinder)
+              (on-table large-purple-rubber-cube)
+              (on-table large-pink-metal-cube)
+              (on-table small-purple-rubber-cylinder)
+              (on-table large-brown-metal-sphere))))

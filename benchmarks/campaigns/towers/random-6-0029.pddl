@@ -1,0 +1,18 @@
+(define (problem random-6-0029)
+  (:domain blocksworld)
+  (:objects small-pink-rubber-cylinder small-red-metal-cylinder small-orange-metal-cylinder small-cyan-metal-cylinder - cylinder
+            small-red-rubber-cube - cube
+            large-yellow-metal-sphere - sphere)
+  (:init (on small-red-rubber-cube small-cyan-metal-cylinder)
+         (on-table small-pink-rubber-cylinder)
+         (on-table small-red-metal-cylinder)
+         (on-table small-orange-metal-cylinder)
+         (on-table small-cyan-metal-cylinder)
+         (on-table large-yellow-metal-sphere)
+         (hand-empty))
+  (:goal (and (on small-orange-metal-cylinder small-red-rubber-cube)
+              (on-table small-pink-rubber-cylinder)
+              (on-table small-red-metal-cylinder)
+              (on-table small-cyan-metal-cylinder)
+              (on-table small-red-rubber-cube)
+              (on-table large-yellow-metal-sphere))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0030)
+  (:domain blocksworld)
+  (:objects large-green-metal-cube - cube
+            small-cyan-rubber-sphere large-cyan-rubber-sphere large-purple-rubber-sphere - sphere
+            large-cyan-metal-cylinder small-gray-metal-cylinder - cylinder)
+  (:init (on small-cyan-rubber-sphere large-green-metal-cube)
+         (on-table large-green-metal-cube)
+         (on-table large-cyan-rubber-sphere)
+         (on-table large-purple-rubber-sphere)
+         (on-table large-cyan-metal-cylinder)
+         (on-table small-gray-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on-table large-green-metal-cube)
+              (on-table small-cyan-rubber-sphere)
+              (on-table large-cyan-rubber-sphere)
+              (on-table large-purple-rubber-sphere)
+              (on-table large-cyan-metal-cylinder)
+              (on-table small-gray-metal-cylinder))))

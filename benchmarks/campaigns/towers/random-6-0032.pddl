@@ -1,0 +1,18 @@
+(define (problem random-6-0032)
+  (:domain blocksworld)
+  (:objects large-purple-rubber-sphere large-green-metal-sphere - sphere
+            large-orange-metal-cylinder small-brown-metal-cylinder small-gray-metal-cylinder - cylinder
+            small-gray-rubber-cube - cube)
+  (:init (on large-purple-rubber-sphere small-gray-rubber-cube)
+         (on large-green-metal-sphere small-gray-metal-cylinder)
+         (on small-brown-metal-cylinder large-orange-metal-cylinder)
+         (on small-gray-rubber-cube small-brown-metal-cylinder)
+         (on-table large-orange-metal-cylinder)
+         (on-table small-gray-metal-cylinder)
+         (hand-empty))
+  (:goal (and (on large-orange-metal-cylinder small-gray-metal-cylinder)
+              (on small-brown-metal-cylinder small-gray-rubber-cube)
+              (on-table large-purple-rubber-sphere)
+              (on-table large-green-metal-sphere)
+              (on-table small-gray-metal-cylinder)
+              (on-table small-gray-rubber-cube))))

@@ -1,0 +1,18 @@
+(define (problem random-6-0033)
+  (:domain blocksworld)
+  (:objects small-red-metal-sphere small-green-metal-sphere large-green-metal-sphere - sphere
+            large-brown-metal-cube - cube
+            small-purple-metal-cylinder large-gray-rubber-cylinder - cylinder)
+  (:init (on-table small-red-metal-sphere)
+         (on-table small-green-metal-sphere)
+         (on-table large-green-metal-sphere)
+         (on-table large-brown-metal-cube)
+         (on-table small-purple-metal-cylinder)
+         (on-table large-gray-rubber-cylinder)
+         (hand-empty))
+  (:goal (and (on small-red-metal-sphere small-purple-metal-cylinder)
+              (on small-green-metal-sphere large-gray-rubber-cylinder)
+              (on-table large-green-metal-sphere)
+              (on-table large-brown-metal-cube)
+              (on-table small-purple-metal-cylinder)
+              (on-table large-gray-rubber-cylinder))))
