@@ -66,7 +66,7 @@ class Looks:
         domain = load_domain("grocery")
         network = MutexNetwork(domain.task.atoms, find_mutexes(domain.parsed).groups)
         counts = {} if domain.outcomes is None else load_outcomes(domain.outcomes, domain.parsed.actions)
-        trusts: Path = arguments.out / "trust"
+        trusts: Path = arguments.out / "calibration"
         if arguments.data is None:  # skills in made-up courses are not those that were measured
             self._made_up(domain, network, arguments.courses)
             return
@@ -148,7 +148,7 @@ def parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Part]]:
         StoppedError: somebody pressed Ctrl-C.
     """
     only = arguments.only or PARTS
-    estimators = configurations.oracles(arguments.out / "trust")
+    estimators = configurations.oracles(arguments.out / "calibration")
     if "looks" in only or (arguments.data is not None and "simulator" in only):
         found = Looks(arguments)
         estimators_there = [*estimators, *found.estimators]

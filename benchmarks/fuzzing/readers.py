@@ -20,7 +20,7 @@ from unittest import mock
 from executive.app.config import CONFIG, read_config
 from executive.app.estimate import choose
 from executive.app.resume import PastRun
-from executive.app.sensor_fit import load, load_outcomes
+from executive.app.sensor_fit import load_outcomes
 from executive.belief import ThresholdMonitor
 from executive.domain.loader import Domain, load_domain, load_subject
 from executive.domain.pddl import read_task, read_vocabulary
@@ -215,10 +215,6 @@ def _watched_loop() -> Iterator[None]:
 def feed_monitor(data: bytes, scratch: Path) -> None:
     written(scratch / "run", monitor_file.FILE, data)
     monitor_file.load(scratch / "run", grocery().task.atoms)
-
-
-def feed_trust(data: bytes, scratch: Path) -> None:
-    load(written(scratch, "trust.json", data), "grocery")
 
 
 def feed_calibration(data: bytes, scratch: Path) -> None:

@@ -35,7 +35,6 @@ from benchmarks.fuzzing.readers import (
     feed_reply,
     feed_run_config,
     feed_scene,
-    feed_trust,
     feed_wording,
     feed_wordings,
 )
@@ -104,27 +103,27 @@ _REPLIES = [
     {"data": [{"id": "eye"}, {"id": "scribe"}]},
 ]  # fmt: skip
 
-_TRUST = {
+_SCALING = {"slope": 1.2, "bias": -0.1, "true": 30, "false": 60}
+_CALIBRATION = {
     "about": "",
-    "format": 1,
+    "format": 2,
+    "model": "m",
+    "runtime": "transformers",
+    "correction": {"method": "platt", "shared": _SCALING, "predicates": {"on-table": _SCALING}},
     "domains": {
         "grocery": {
             "looks": 40,
-            "alike": 0.5,
+            "correlation_within": 0.5,
             "predicates": {
-                "on-table": {"false_alarms": 0.01, "misses": 0.02, "slope": 1.0, "bias": 0.0, "scores": [0.1, 0.9]}
+                "on-table": {
+                    "false_alarms": 0.01, "misses": 0.02, "slope": 1.0, "bias": 0.0, "scores": [0.1, 0.9],
+                    "repeats": {"again": 0.7},
+                }
             },
         }
     },
-}
-_SCALING = {"slope": 1.2, "bias": -0.1, "true": 30, "false": 60}
-_CALIBRATION = {
-    "format": 1,
-    "model": "m",
-    "method": "platt",
-    "shared": _SCALING,
-    "predicates": {"on-table": _SCALING},
-}
+}  # fmt: skip
+_FORMER = {"format": 1, "model": "m", **_CALIBRATION["correction"]}  # type: ignore[dict-item]
 
 TARGETS: Mapping[str, Target] = {
     "pddl": Target(
@@ -194,7 +193,6 @@ TARGETS: Mapping[str, Target] = {
         ("Started", "Resumed", "Observation", "Belief", "Plan", "Dispatched", "Decision", "Ended", "images/../x.jpg"),
     ),
     "monitor.json": Target(feed_monitor, files(EXAMPLE / monitor_file.FILE), ("plain", "fused", "NaN", "Infinity")),
-    "trust.json": Target(feed_trust, lambda: [json.dumps(_TRUST, indent=1).encode()], ("scores", "alike", "NaN")),
     "calibration.json": Target(
         feed_calibration, lambda: [json.dumps(_CALIBRATION).encode()], ("slope", "NaN", "1e999")
     ),

@@ -5,19 +5,20 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
 from executive.app import sensor_fit
 from executive.app.config import EstimatorConfig, MonitorConfig
+from executive.app.estimators import shipped
 from executive.app.sensor_fit import SensorFit
 from executive.belief.conformal import Conformal
 from executive.belief.sensor_model import ErrorModel, SensorModel
 from executive.domain.loader import load_domain
 from executive.lab.campaign.config_file import model_digest
 from executive.lab.campaign.design import Campaign, Configuration, Place
+from executive.s3e import Calibration
 
 FLIPS = (0.02, 0.05, 0.1)
 PLAIN, CONSISTENT, REMEMBERING, FULL = "plain threshold", "+ consistency", "+ memory", "+ looking again"
@@ -46,7 +47,7 @@ class Looking(NamedTuple):
     name: str
     kind: str
     faults: tuple[str, ...] = ()
-    trust: Path | None = None
+    calibration: Path | None = None
 
 
 def flipped(share: float) -> str:
@@ -54,7 +55,7 @@ def flipped(share: float) -> str:
 
 
 def oracles(folder: Path) -> list[Looking]:
-    """The oracle as it is, and with shares of its answers turned around; files of trust go into the folder."""
+    """The oracle as it is, and with shares of its answers turned around; calibration files go into the folder."""
     made = [Looking(ORACLE, "oracle")]
     for share in FLIPS:
         file = folder / f"flipped-{share:g}.json"
@@ -67,8 +68,8 @@ def oracles(folder: Path) -> list[Looking]:
 
 def spoiled(way: str, known: SensorFit, folder: Path) -> Looking:
     """The shipped model whose pictures are spoiled, such as blurred=5, with what was learned of it."""
-    draft = sensor_fit.save(folder / "draft.json", "grocery", known)
-    file = folder / f"{way}-{zlib.crc32(draft.read_bytes()):08x}.json"  # another trust is another configuration
+    draft = sensor_fit.save(folder / "draft.json", "grocery", known, Calibration.load(Path(str(shipped("grocery")))))
+    file = folder / f"{way}-{zlib.crc32(draft.read_bytes()):08x}.json"  # another calibration is another configuration
     draft.replace(file)
     how, _, amount = way.partition("=")
     return Looking(f"model, {how} {amount}", "vlm", (f"camera:{how},amount={amount}@0-",), file)
@@ -103,17 +104,15 @@ def grocery(problems: Sequence[str | None]) -> list[Place]:
 
 def _configuration(estimator: Looking, setting: str) -> Configuration:
     judge, model = _JUDGES[setting], ""
-    if estimator.trust is not None and setting != PLAIN:
-        judge = replace(judge, trust=estimator.trust)
+    calibration = None if setting == PLAIN else estimator.calibration
+    eye = EstimatorConfig(calibration=calibration) if estimator.kind == "vlm" or calibration is not None else None
     if estimator.kind == "vlm":
-        from executive.app.estimators import shipped
-
         model = model_digest(Path(str(shipped("grocery"))))
     return Configuration(
         estimator.name,
         setting,
         estimator.kind,
-        EstimatorConfig() if estimator.kind == "vlm" else None,
+        eye,
         judge,
         model,
         {} if setting == FULL else {"max_looks_again": 0},

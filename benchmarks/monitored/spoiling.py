@@ -12,7 +12,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
-from executive.app import sensor_fit
 from executive.app.config import EstimatorConfig
 from executive.app.estimators import with_default_model
 from executive.domain.loader import load_domain
@@ -23,6 +22,7 @@ from executive.lab.config import EvalConfig
 from executive.lab.evaluation import store
 from executive.lab.evaluation.evaluate import Evaluation, Evaluator
 from executive.lab.evaluation.looks import Look, Opened, Said
+from executive.s3e import calibration_file
 
 HALF, NEAR = 0.5, 0.05
 """The exact-state rate that is looked for, and what is near enough."""
@@ -45,8 +45,9 @@ def shipped() -> str:
     """Tells the model that comes with the domain, as it answers, from another one."""
     folder = Path(str(with_default_model(EstimatorConfig(), load_domain("grocery").subject).vlm))
     content = hashlib.sha256()
-    for file in sorted(path for path in folder.iterdir() if path.name not in (sensor_fit.FILE, "README.md")):
+    for file in sorted(path for path in folder.iterdir() if path.name not in (calibration_file.FILE, "README.md")):
         content.update(file.name.encode() + file.read_bytes())
+    content.update(repr(calibration_file.read(folder).correction).encode())
     return content.hexdigest()[:12]
 
 

@@ -6,6 +6,7 @@ import dataclasses
 import os
 import re
 import time
+import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -68,7 +69,8 @@ class EstimatorConfig:
             one there).
         llm: without it, the server's model that also answers the questions.
         instructions: True for the domain's, False for none, "paper" for the paper's (Appendix E.3), or a file.
-        calibration: without it, the one in the model's folder, if there is one.
+        calibration: the file with the sensor model, the calibration looks and the correction of probabilities; without
+            it, the one in the model's folder, if there is one.
         cameras: in the order in which the model gets their pictures; without any, all.
 
     Raises:
@@ -89,7 +91,9 @@ class EstimatorConfig:
         ),
     ] = True
     per_image: Annotated[bool, Option("Ask about each picture on its own, and average.")] = False
-    calibration: Annotated[Path | None, Option("A file that corrects the probabilities.")] = None
+    calibration: Annotated[
+        Path | None, Option("A file with the error rates of the answers, and the correction of probabilities.")
+    ] = None
     cameras: Annotated[
         tuple[str, ...],
         Option("Only the pictures of these cameras, such as front (as in the paper); front,hand for two."),
@@ -137,11 +141,11 @@ class MonitorConfig:
 
     Attributes:
         alpha: the requested error rate: the share of looks in which, by predicate, some atom may get the wrong value.
-            The thresholds follow from the calibration looks in the file `trust`. Without an error rate they are
+            The thresholds follow from the calibration looks in the file `calibration`. Without an error rate they are
             `executive.belief.bayes_filter.DEFAULT_THRESHOLDS`.
         threshold: thresholds every answer at this probability instead: no unknowns, no consistency, no memory.
         memory: without it, each moment is estimated from its own looks alone.
-        trust: the file with the sensor model and the calibration looks; by default, the one in the model's folder.
+        trust: the former name of the file `calibration`, until version 0.3.
 
     Raises:
         OptionError: a value is not valid, or two options exclude each other.
@@ -156,7 +160,7 @@ class MonitorConfig:
         Option("Threshold each answer on its own, without unknowns; 0.5 as in the paper.", least=0, most=1),
     ] = None
     memory: Annotated[bool, Option("Combine looks with earlier ones.")] = True
-    trust: Annotated[Path | None, Option("A file with the model's error rates.")] = None
+    trust: Annotated[Path | None, Option("The former name of --calibration.")] = None
 
     @property
     def kind(self) -> str:
@@ -169,6 +173,13 @@ class MonitorConfig:
             raise OptionError("sets the thresholds by an error rate, and excludes `threshold`", option="alpha")
         if self.threshold is not None and self.trust is not None:
             raise OptionError("excludes `threshold`, which uses no sensor model", option="trust")
+        if self.trust is not None:
+            warnings.warn(
+                "trust is called calibration now, and the file has the correction of probabilities, too; the former "
+                "name works until version 0.3",
+                FutureWarning,
+                stacklevel=3,
+            )
 
 
 PRESETS: Mapping[str, MonitorConfig] = MappingProxyType(
@@ -209,7 +220,8 @@ class RunConfig:
         faults: specifications in the grammar of `executive.faults`.
         max_replans, max_actions, max_cycles, max_looks, max_seconds, max_looks_again, max_questions: without one, what
             `executive.core.settings.Settings` has.
-        eye: the options of the estimator "vlm".
+        eye: the options of the estimator "vlm". The estimator "oracle" has one of them: `calibration`, where a fault
+            makes it err.
         world: without it, the simulator, or the symbolic world where `domain` is a PDDL file.
         no_effect: how often an action does nothing, without its skill noticing.
         exogenous: how often another agent does something after an action.
@@ -302,7 +314,9 @@ class RunConfig:
             raise OptionError("the symbolic world has no pictures for a model", option="estimator")
         if self.eye == EstimatorConfig():
             object.__setattr__(self, "eye", None)
-        if self.estimator != "vlm" and self.eye is not None:
+        mistakes = EstimatorConfig(calibration=None if self.eye is None else self.eye.calibration)
+        asks_no_model = self.eye in (None, mistakes) if self.estimator == "oracle" else self.eye is None
+        if self.estimator != "vlm" and not asks_no_model:
             message = f"{self.estimator!r} asks no model; `vlm` and `server` go with `estimator` vlm"
             raise OptionError(message, option="estimator")
         if self.name is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._\-]*", self.name):

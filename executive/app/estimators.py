@@ -23,12 +23,13 @@ from executive.s3e import (
     Untranslated,
     Views,
     Writer,
+    calibration_file,
     generic,
     instruct,
     load_instructions,
 )
 from executive.s3e.backends.openai_client import ChatServer
-from executive.s3e.calibration import FILE, Calibration
+from executive.s3e.calibration import Calibration
 from executive.s3e.questions.prompts import GROCERY_INSTRUCTIONS
 from executive.types import Questions
 from executive.util.files import home
@@ -80,9 +81,10 @@ def open_estimator(config: EstimatorConfig, subject: Subject, load: Callable[[st
     server = None if config.server is None else ChatServer(config.server, config.vlm)
     questions = word_questions(config, subject, server)
     backend, warning = _backend(config, server, load)
+    warnings = tuple(filter(None, (warning, _of_another_runtime(config, backend))))
     return S3E(
         backend,
-        replace(questions, warnings=(*questions.warnings, warning)) if warning else questions,
+        replace(questions, warnings=(*questions.warnings, *warnings)),
         cameras=config.cameras or None,
         views=Views.AVERAGED if config.per_image else Views.TOGETHER,
         least_mass=LEAST_MASS if config.abstention else 0.0,
@@ -91,15 +93,40 @@ def open_estimator(config: EstimatorConfig, subject: Subject, load: Callable[[st
 
 
 def load_calibration(config: EstimatorConfig) -> Calibration | None:
-    """Load the calibration of the model's probabilities, if there is one.
+    """Load the correction of the model's probabilities, if there is one: that of the file that is named, or else of the
+    one in the model's folder.
 
     Raises:
         InputError: the file is missing or damaged.
     """
+    path = calibration_path(config)
+    return None if path is None else Calibration.of(calibration_file.read(path), calibration_file.place(path))
+
+
+def calibration_path(config: EstimatorConfig) -> Path | None:
+    """Return the file, or the model's folder, that has what is known of the model's mistakes."""
     if config.calibration is not None:
-        return Calibration.load(config.calibration)
-    file = None if config.vlm is None or config.server is not None else home(config.vlm) / FILE
-    return Calibration.load(file) if file is not None and os.path.isfile(file) else None
+        return config.calibration
+    folder = None if config.vlm is None or config.server is not None else home(config.vlm)
+    return folder if folder is not None and calibration_file.is_in(folder) else None
+
+
+def runs_as(backend: Backend) -> tuple[str, str]:
+    """Return what runs the model, and in which quantisation; "" where that is not known, as of a model at a server."""
+    return str(getattr(backend, "runtime", "")), str(getattr(backend, "quantisation", ""))
+
+
+def _of_another_runtime(config: EstimatorConfig, backend: Backend) -> str:
+    """Return a warning if the model's mistakes are known as another runtime runs it, or in another quantisation."""
+    path = calibration_path(config)
+    if path is None:
+        return ""
+    known = calibration_file.read(path)
+    for was, now in zip((known.runtime, known.quantisation), runs_as(backend), strict=True):
+        if was and now and was != now:
+            file = calibration_file.place(path).name
+            return f"{file} is of the model as {was}, and it runs as {now}: calibrate it anew"
+    return ""
 
 
 def word_questions(config: EstimatorConfig, subject: Subject, server: ChatServer | None = None) -> Questions:

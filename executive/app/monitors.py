@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 
 from executive.app import sensor_fit
@@ -30,6 +31,7 @@ from executive.errors import DomainError, OptionError
 from executive.planning.invariants import broken, contradicted
 from executive.planning.mutex_groups import find_mutexes
 from executive.planning.state_listing import groups_of, list_states
+from executive.s3e import calibration_file
 from executive.types import Atom
 
 log = logging.getLogger(__name__)
@@ -42,17 +44,19 @@ def open_monitor(
     seconds: float = 30.0,
     oracle: SensorModel | None = None,
     witnesses: Mapping[str, WitnessModel] = MappingProxyType({}),
+    calibration: Path | None = None,
 ) -> Monitor:
     """Build a run's monitor, and find the task's mutex groups and, if there are few, its states for it.
 
     Args:
         estimator: the options of the estimator that it monitors; None for the oracle.
         seconds: the wall time that finding the mutex groups may take.
-        oracle: the oracle's sensor model, unless `config.trust` has another one; without it, it is exact.
+        oracle: the oracle's sensor model, unless `calibration` has another one; without it, it is exact.
         witnesses: how those err that tell of atoms beside the estimator, by name.
+        calibration: the file with the sensor model; by default, the estimator's, or the one in its model's folder.
 
     Raises:
-        InputError: the file `trust` is damaged, or has too few looks for the error rate.
+        InputError: the file `calibration` is damaged, or has too few looks for the error rate.
         DomainError: the domain's outcomes have a mistake.
         MissingError: Fast Downward's translator is not installed.
     """
@@ -60,7 +64,7 @@ def open_monitor(
         return plain_monitor(config, domain.task.atoms)
     # What is cheap to check comes first.
     counts = {} if domain.outcomes is None else sensor_fit.load_outcomes(domain.outcomes, domain.parsed.actions)
-    sensor, thresholds = _sensor_model(config, domain, estimator, oracle or EXACT)
+    sensor, thresholds = _sensor_model(config, domain, estimator, oracle or EXACT, calibration)
     found = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
     # Over listed states nothing says which of their atoms are hidden.
     space = None if domain.task.visible else list_states(domain.parsed, found)
@@ -109,28 +113,37 @@ def plain_monitor(config: MonitorConfig, atoms: Sequence[Atom]) -> ThresholdMoni
 
 
 def _sensor_model(
-    config: MonitorConfig, domain: Domain, estimator: EstimatorConfig | None, oracle: SensorModel
+    config: MonitorConfig,
+    domain: Domain,
+    estimator: EstimatorConfig | None,
+    oracle: SensorModel,
+    calibration: Path | None,
 ) -> tuple[SensorModel, Mapping[str, Thresholds]]:
     """Return the estimator's sensor model, and the thresholds for the requested error rate."""
-    if estimator is None and config.trust is None:
+    named = config.trust or calibration or (None if estimator is None else estimator.calibration)
+    if estimator is None and named is None:
         if config.alpha is not None:
             message = (
-                "needs `estimator` vlm, or `trust` where a fault makes the oracle err: the oracle has no error rate"
+                "needs `estimator` vlm, or `calibration` where a fault makes the oracle err: the oracle has no error "
+                "rate"
             )
             raise OptionError(message, option="alpha")
         return oracle, {}
-    file = config.trust or (
-        sensor_fit.default_file(estimator.vlm) if estimator is not None and estimator.server is None else None
-    )
-    if file is None:
+    default = sensor_fit.default_file(estimator.vlm) if estimator is not None and estimator.server is None else None
+    known, file = None, None
+    for file in filter(None, (named, default)):  # one that only corrects probabilities says nothing of error rates
+        document, file = calibration_file.read(file), calibration_file.place(file)
+        if document.domains:
+            known = sensor_fit.of(document, domain.name, file)
+            break
+    if known is None:
         if config.alpha is not None:
             message = (
-                f"the model's error rates are not known: there is no {sensor_fit.FILE} in its folder; make one with "
-                "executive calibrate, or name one with `trust`"
+                f"the model's error rates are not known: there is no {calibration_file.FILE} with them in its folder; "
+                "make one with executive calibrate, or name one with `calibration`"
             )
             raise OptionError(message, option="alpha")
         return SensorModel(), {}
-    known = sensor_fit.load(file, domain.name)
     if config.alpha is None:
         return known.sensor_model, {}
     unmeasured = sorted({atom.predicate for atom in domain.task.atoms} - known.conformal.scores.keys())

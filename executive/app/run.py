@@ -101,8 +101,9 @@ class Run:
         if config.estimator != "none":
             seconds = min(30.0, config.patience, config.settings().max_seconds)
             oracle = oracle_sensor_model(config)
+            calibration = None if config.eye is None else config.eye.calibration
             self.monitor = open_monitor(
-                config.monitor, self.domain, estimator_config, seconds, oracle, self._witness_models()
+                config.monitor, self.domain, estimator_config, seconds, oracle, self._witness_models(), calibration
             )
         if estimator_config is not None and vlm is None:
             vlm = open_estimator(estimator_config, self.domain.subject, self._in_own_process)

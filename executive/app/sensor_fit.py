@@ -1,21 +1,19 @@
 """Fits an estimator's sensor model and conformal thresholds in a domain, and reads and writes them.
 
-Both are fitted on labelled looks (an evaluation's, see `executive calibrate`) and kept in a file beside the model,
-`trust.json`, by domain.
+Both are fitted on labelled looks (an evaluation's, see `executive calibrate`) and kept in `calibration.json` beside the
+model, by domain.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import random
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from executive.belief.action_model import Chances
 from executive.belief.bayes_filter import BayesMonitor
@@ -23,54 +21,52 @@ from executive.belief.conformal import Conformal
 from executive.belief.mutex_inference import MutexNetwork
 from executive.belief.sensor_model import ErrorModel, SensorModel
 from executive.errors import DomainError, InputError, nearest
+from executive.s3e import calibration_file
+from executive.s3e.calibration_file import CORRELATION, Document, DomainTable, ErrorTable, PredicateTable
 from executive.types import Atom, Belief, SkillStatus
-from executive.util.atomic_write import write_atomic
-from executive.util.files import caseless, home, read_json, read_toml
-from executive.util.validation import first_mistake
+from executive.util.files import caseless, home, read_toml
 
 if TYPE_CHECKING:
-    from executive.s3e.calibration import Scaling
-
-FILE = "trust.json"
-"""The name of the file beside a model."""
+    from executive.s3e.calibration import Calibration, Scaling
 
 PRIOR = 10.0
 """The weight of the assumed error rates, in answers."""
 
-CORRELATION = 0.8
-"""The assumed correlation of a model's errors about the same thing, within a moment and across moments (see
-`SensorModel`): asked about the same thing again, a model answers the same."""
-
-_FORMAT = 1
-_LARGEST = 20_000_000
-_ABOUT = (
-    "The model's error rates (executive.app.sensor_fit), by domain, predicate and atom: the evidence of an answer is "
-    "slope * log-odds + bias, within the bounds that false_alarms and misses set; scores are the nonconformity of "
-    "calibration looks (executive.belief.conformal); alike and lasting are the correlations of errors within and "
-    "across moments."
-)
-
 
 @dataclass(frozen=True, slots=True)
 class SensorFit:
-    """An estimator's sensor model and conformal scores in one domain, fitted on `looks` looks."""
+    """An estimator's sensor model and conformal scores in one domain, fitted on `looks` looks.
+
+    `repeats` are the measured correlations of the errors of repeated questions by predicate and by what was changed,
+    one of `CHANGES`.
+    """
 
     sensor_model: SensorModel
     conformal: Conformal
     looks: int
+    repeats: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: MappingProxyType({}))
 
+
+AGAIN, CAMERAS, PICTURE, WORDING = CHANGES = ("again", "cameras", "picture", "wording")
+"""What may change between two askings of the same question: nothing but the moment, the cameras, the picture (its
+light, its noise), or the words. The order of questions changes nothing: each is asked by itself."""
 
 Look = tuple[Mapping[Atom, float], Mapping[Atom, bool]]
 """A labelled look: the probability of each answered atom, as a run would get it, and the truth."""
 
 
-def fit(looks: Sequence[Look], network: MutexNetwork) -> SensorFit:
+def fit(
+    looks: Sequence[Look], network: MutexNetwork, repeats: Mapping[str, Mapping[str, float]] = MappingProxyType({})
+) -> SensorFit:
     """Fit a sensor model and conformal scores on labelled looks.
 
     The error models are fitted on half of the looks, drawn by a fixed seed (not every other look: they alternate, as
     picks and places do): one for each predicate, and one for each atom, shrunk towards its predicate's. The other half
     is for the thresholds: each look is made consistent by the mutex groups of `network`, as in a run, and scored. The
     order of the looks only decides which half each is in.
+
+    Args:
+        repeats: the measured correlations of repeated questions (`SensorFit.repeats`); without one, it is assumed.
 
     Raises:
         InputError: there are fewer than two looks with answers.
@@ -88,13 +84,20 @@ def fit(looks: Sequence[Look], network: MutexNetwork) -> SensorFit:
         if len(names) > 1:
             found = _fit_error_models(for_model, names, model)
             single |= {atom: found[name] for atom, name in names.items()}
-    sensor = SensorModel(error_models, correlation_within=CORRELATION, correlation_across=CORRELATION, atoms=single)
+    correlations = {name: told[AGAIN] for name, told in repeats.items() if AGAIN in told}
+    sensor = SensorModel(
+        error_models,
+        correlation_within=CORRELATION,
+        correlation_across=CORRELATION,
+        atoms=single,
+        correlations=correlations,
+    )
     monitor = BayesMonitor(network, sensor, actions=None)
     judged = [
         (monitor.looked(monitor.begin(), Belief(-1, probability), 0)[1].belief.probability, truth)
         for probability, truth in for_thresholds
     ]
-    return SensorFit(sensor, Conformal.of(judged), len(labelled))
+    return SensorFit(sensor, Conformal.of(judged), len(labelled), repeats)
 
 
 def _fit_error_models(looks: Sequence[Look], names: Mapping[Atom, str], assumed: ErrorModel) -> dict[str, ErrorModel]:
@@ -166,80 +169,72 @@ def load_outcomes(file: Path, actions: Collection[str]) -> Mapping[tuple[str, Sk
     return counts
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+def save(path: Path, domain: str, fitted: SensorFit, calibration: Calibration | None = None, **about: str) -> Path:
+    """Write a domain's fit into the file, atomically, and keep those of other domains, and the correction. Given a
+    folder (a model's), the file is `calibration.json` in it.
 
-
-class _ErrorModel(_Table):
-    false_alarms: float
-    misses: float
-    slope: float
-    bias: float
-
-
-class _Predicate(_ErrorModel):
-    scores: list[float] = []
-
-
-class _Domain(_Table):
-    looks: int = Field(ge=0)
-    alike: float = Field(ge=0, le=1)
-    lasting: float = Field(CORRELATION, ge=0, le=1)
-    predicates: dict[str, _Predicate]
-    atoms: dict[str, _ErrorModel] = {}
-
-
-class _Document(_Table):
-    about: str = ""
-    format: int
-    domains: dict[str, _Domain]
-
-
-def save(path: Path, domain: str, fitted: SensorFit) -> Path:
-    """Write a domain's fit into the file, atomically, and keep those of other domains. Given a folder (a model's), the
-    file is `trust.json` in it.
+    Args:
+        calibration: the correction of the probabilities that the fit is of, in place of the file's.
+        about: the model, the runtime and the quantisation, as far as they are known.
 
     Raises:
-        InputError: it cannot be written, or what is there is no such file.
+        InputError: it cannot be written, or what is there is no such file, or one of another model.
     """
-    file = path / FILE if os.path.isdir(path) else path
-    domains = dict(_read(file).domains) if os.path.exists(file) else {}
+    is_there = calibration_file.is_in(path) if os.path.isdir(path) else os.path.exists(path)
+    document = calibration_file.read(path) if is_there else Document()
+    for key, value in about.items():
+        if (known := getattr(document, key)) and value and known != value:
+            raise InputError(f"is {known!r} there and {value!r} here", file=calibration_file.place(path), key=key)
+    sensor = fitted.sensor_model
     predicates = {
-        name: _Predicate(**asdict(model), scores=[round(score, 9) for score in fitted.conformal.scores.get(name, ())])
-        for name, model in sorted(fitted.sensor_model.error_models.items())
+        name: PredicateTable(
+            **asdict(model),
+            scores=[round(score, 9) for score in fitted.conformal.scores.get(name, ())],
+            repeats=dict(fitted.repeats.get(name, {})),
+        )
+        for name, model in sorted(sensor.error_models.items())
     }
-    domains[domain] = _Domain(
+    table = DomainTable(
         looks=fitted.looks,
-        alike=fitted.sensor_model.correlation_within,
-        lasting=fitted.sensor_model.correlation_across,
+        correlation_within=sensor.correlation_within,
+        correlation_across=sensor.correlation_across,
         predicates=predicates,
-        atoms={str(atom): _ErrorModel(**asdict(model)) for atom, model in sorted(fitted.sensor_model.atoms.items())},
+        atoms={str(atom): ErrorTable(**asdict(model)) for atom, model in sorted(sensor.atoms.items())},
     )
-    document = _Document(about=_ABOUT, format=_FORMAT, domains=dict(sorted(domains.items())))
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        return write_atomic(file, (json.dumps(document.model_dump(), indent=1) + "\n").encode())
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror})", file=file) from None
+    changed: dict[str, Any] = {key: value for key, value in about.items() if value}
+    changed["domains"] = dict(sorted({**document.domains, domain: table}.items()))
+    if calibration is not None:
+        changed["correction"] = calibration.table()
+    return calibration_file.write(path, document.model_copy(update=changed))
 
 
 def load(path: Path, domain: str) -> SensorFit:
-    """Read a domain's fit; given a folder, from `trust.json` in it.
+    """Read a domain's fit; given a folder, from `calibration.json` in it.
 
     Raises:
         InputError: the first mistake, in one line with file and key, or the file has no fit for that domain.
     """
-    file = path / FILE if os.path.isdir(path) else path
-    domains = _read(file).domains
+    return of(calibration_file.read(path), domain, calibration_file.place(path))
+
+
+def of(document: Document, domain: str, file: Path) -> SensorFit:
+    """Return a domain's fit in the contents of a file.
+
+    Raises:
+        InputError: the first mistake, in one line with file and key, or there is no fit for that domain.
+    """
+    domains = document.domains
     if domain not in domains:
         raise InputError(f"has no fit for the domain {domain!r}; {nearest(domain, domains)}", file=file, key="domains")
     table = domains[domain]
-    error_models, scores, atoms = {}, {}, {}
+    error_models, scores, atoms, repeats = {}, {}, {}, dict[str, Mapping[str, float]]()
     for name, kept in table.predicates.items():
         try:
             error_models[name] = _error_model(kept)
             if kept.scores:
                 scores[name] = Conformal({name: tuple(kept.scores)}).scores[name]
+            if kept.repeats:
+                repeats[name] = kept.repeats
         except ValueError as error:
             raise InputError(str(error), file=file, key=f"domains.{domain}.predicates.{name}") from None
     for name, single in table.atoms.items():
@@ -249,35 +244,22 @@ def load(path: Path, domain: str) -> SensorFit:
             raise InputError(str(error), file=file, key=f"domains.{domain}.atoms.{name}") from None
     try:
         sensor = SensorModel(
-            error_models, correlation_within=table.alike, correlation_across=table.lasting, atoms=atoms
+            error_models,
+            correlation_within=table.correlation_within,
+            correlation_across=table.correlation_across,
+            atoms=atoms,
+            correlations={name: told[AGAIN] for name, told in repeats.items() if AGAIN in told},
         )
-        return SensorFit(sensor, Conformal(scores), table.looks)
+        return SensorFit(sensor, Conformal(scores), table.looks, repeats)
     except ValueError as error:
         raise InputError(str(error), file=file, key=f"domains.{domain}") from None
 
 
 def default_file(vlm: str | None) -> Path | None:
-    """Return the file in a model's folder, if there is one."""
-    file = None if vlm is None else home(vlm) / FILE
-    return file if file is not None and os.path.isfile(file) else None
+    """Return a model's folder if there is such a file in it."""
+    folder = None if vlm is None else home(vlm)
+    return folder if folder is not None and calibration_file.is_in(folder) else None
 
 
-def _error_model(kept: _ErrorModel) -> ErrorModel:
+def _error_model(kept: ErrorTable) -> ErrorModel:
     return ErrorModel(kept.false_alarms, kept.misses, kept.slope, kept.bias)
-
-
-def _read(file: Path) -> _Document:
-    content = read_json(file, largest=_LARGEST)
-    if isinstance(content, dict) and {"shared", "method"} & content.keys():
-        message = "has a calibration of probabilities, not a sensor model: it is for --calibration"
-        raise InputError(message, file=file)
-    try:
-        document = _Document.model_validate(content)
-    except ValidationError as error:
-        key, message = first_mistake(error, _Document)
-        raise InputError(
-            f"is not a file that Executive wrote: {message}", file=file, key=".".join(key) or None
-        ) from None
-    if document.format != _FORMAT:
-        raise InputError(f"expected {_FORMAT}, got {document.format}", file=file, key="format")
-    return document

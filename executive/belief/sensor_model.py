@@ -114,9 +114,9 @@ class AnswerCounts:
         return ErrorModel(false_alarms, misses, assumed.slope, assumed.bias)
 
 
-def error_correlation(repeats: Mapping[tuple[bool, bool], int], assumed: float) -> float:
-    """Return how much the errors of repeated questions are correlated (the phi coefficient, not below 0), with `PRIOR`
-    more mistakes at the assumed correlation.
+def phi(repeats: Mapping[tuple[bool, bool], int]) -> float | None:
+    """Return how much the errors of repeated questions are correlated (the phi coefficient, not below 0), None where
+    one of both answers was always wrong or never.
 
     Args:
         repeats: how often an answer was wrong or not, and the next answer to the same question, as nothing had changed.
@@ -125,9 +125,14 @@ def error_correlation(repeats: Mapping[tuple[bool, bool], int], assumed: float) 
         repeats.get(key, 0) for key in ((True, True), (True, False), (False, True), (False, False))
     )
     spread = math.sqrt((both + first) * (second + neither) * (both + second) * (first + neither))
-    phi = max(0.0, (both * neither - first * second) / spread) if spread else assumed
-    weight = (both + first) / (both + first + PRIOR)
-    return weight * phi + (1.0 - weight) * assumed
+    return max(0.0, (both * neither - first * second) / spread) if spread else None
+
+
+def error_correlation(repeats: Mapping[tuple[bool, bool], int], assumed: float) -> float:
+    """Return `phi` with `PRIOR` more mistakes at the assumed correlation."""
+    mistakes = repeats.get((True, True), 0) + repeats.get((True, False), 0)
+    found, weight = phi(repeats), mistakes / (mistakes + PRIOR)
+    return weight * (assumed if found is None else found) + (1.0 - weight) * assumed
 
 
 class PastEvidence(NamedTuple):

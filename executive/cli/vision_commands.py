@@ -1,4 +1,4 @@
-"""Models that look: at pictures, at collections; how far they are to be trusted, and how they are grown."""
+"""Models that look: at pictures, at collections; how they err, and how they are grown."""
 
 from __future__ import annotations
 
@@ -141,17 +141,22 @@ def evaluate(
 
 def calibrate(
     domain: DomainName,
-    evaluations: Annotated[list[Path], typer.Argument(help="Evaluations of one model (see: executive eval).")],
-    out: Annotated[Path, typer.Option(help="The model's folder, where runs find it; or a file, for run --trust.")],
+    evaluations: Annotated[
+        list[Path], typer.Argument(help="Evaluations of one model (see: executive eval), and folders of runs with it.")
+    ],
+    out: Annotated[
+        Path, typer.Option(help="The model's folder, where runs find the file; or a file, for run --calibration.")
+    ],
     problem: ProblemName = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the fit as JSON.")] = False,
 ) -> None:
-    """Fit a model's sensor model and calibration on evaluations, for runs with it, and with --alpha."""
+    """Learn from evaluations and runs how a model errs: for runs with it, and with --alpha."""
     from executive.lab.evaluation import calibrate as calibrating
 
     file, fitted = calibrating.calibrate(domain, evaluations, out, problem)
     if as_json:
-        print(json.dumps({"file": str(file), "trust": json.loads(file.read_text(encoding="utf-8"))}, indent=2))
+        told = json.loads(file.read_text(encoding="utf-8"))
+        print(json.dumps({"file": str(file), "calibration": told, "trust": told}, indent=2))  # trust: until 0.3
         return
     print(calibrating.summary(fitted))
     print(f"written to {file}")

@@ -112,7 +112,8 @@ def _opened(wanted: MonitorConfig, folder: Path, record: Record) -> Monitor:
     if domain.task.atoms != record.started.task.atoms:
         raise InputError("was another task when it was recorded; only --threshold needs none", file=domain.folder)
     eye = with_default_model(config.eye or EstimatorConfig(), domain.subject) if config.estimator == "vlm" else None
-    return open_monitor(wanted, domain, eye, oracle=oracle_sensor_model(config))
+    calibration = None if config.eye is None else config.eye.calibration
+    return open_monitor(wanted, domain, eye, oracle=oracle_sensor_model(config), calibration=calibration)
 
 
 def side_by_side(record: Record, replayed: Replay) -> list[Row]:

@@ -25,6 +25,7 @@ from executive.s3e.backends.openai_client import ChatServer
 from executive.s3e.backends.transformers_backend import TransformersBackend
 from executive.s3e.calibration import Calibration
 from executive.s3e.estimator import S3E, Finding, View, Views, observe
+from executive.s3e.interchange import PlattProfile, Prediction, PredictionSet
 from executive.s3e.pictures import read_picture
 from executive.s3e.questions.language_model import LanguageModel, Reply, Writer
 from executive.s3e.questions.templates import (
@@ -53,6 +54,9 @@ __all__ = [
     "LanguageModel",
     "LocalWriter",
     "Look",
+    "PlattProfile",
+    "Prediction",
+    "PredictionSet",
     "Questions",
     "Reply",
     "ServerBackend",

@@ -13,28 +13,22 @@ was not fitted on come out better (cross-validation by what belongs together, as
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import random
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from executive.errors import InputError, nearest
+from executive.s3e import calibration_file
+from executive.s3e.calibration_file import CorrectionTable, Document, ScalingTable
 from executive.s3e.reliability import expected_calibration_error, pairs
 from executive.types import Atom, Belief, FloatArray
-from executive.util.atomic_write import write_atomic
-from executive.util.files import read_json
-
-FILE = "calibration.json"
-"""The name of the file beside a model."""
 
 STIFFNESS = 1.0
 """The inverse variance of the predicates' slopes and biases around the shared ones."""
@@ -44,12 +38,6 @@ LEAST_SLOPE = 0.01
 
 _EDGE = 1e-6
 """Probabilities are clipped to [_EDGE, 1 - _EDGE]: log-odds of at most 13.8."""
-_FORMAT = 1
-_LARGEST = 1_000_000
-_ABOUT = (
-    "How to correct a vision-language model's probabilities (executive.s3e): log-odds times slope plus bias, for the "
-    "predicates named here; for all others, shared. true and false: how many labels that rests on."
-)
 
 
 class Method(StrEnum):
@@ -106,60 +94,56 @@ class Calibration:
         corrected = {atom: self(atom, probability) for atom, probability in belief.probability.items()}
         return replace(belief, probability=corrected)
 
+    def table(self) -> CorrectionTable:
+        """Return the correction as it is in a file."""
+        predicates = {name: ScalingTable(**asdict(scaling)) for name, scaling in self.predicates.items()}
+        return CorrectionTable(
+            method=self.method.value, shared=ScalingTable(**asdict(self.shared)), predicates=predicates
+        )
+
     def save(self, path: Path | str) -> Path:
-        """Write the file atomically; given a folder (a model's), `calibration.json` in it.
+        """Write the correction into a file atomically; given a folder (a model's), into `calibration.json` in it. What
+        else the file has stays.
 
         Raises:
-            InputError: it cannot be written.
+            InputError: it cannot be written, or what is there is no such file.
         """
-        file = _file(path)
-        document = {
-            "about": _ABOUT,
-            "format": _FORMAT,
-            "model": self.model,
-            "method": self.method.value,
-            "shared": _as_table(self.shared),
-            "predicates": {predicate: _as_table(scaling) for predicate, scaling in self.predicates.items()},
-        }
-        try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            return write_atomic(file, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
-        except OSError as error:
-            raise InputError(f"cannot be written ({error.strerror})", file=file) from None
+        known = calibration_file.read(path) if calibration_file.place(path).is_file() else calibration_file.Document()
+        changed = {"correction": self.table(), "model": self.model}
+        return calibration_file.write(path, known.model_copy(update=changed))
 
     @classmethod
     def load(cls, path: Path | str) -> Calibration:
-        """Read what `save` wrote; given a folder, `calibration.json` in it.
+        """Read the correction in a file; given a folder, in `calibration.json` in it.
+
+        Raises:
+            InputError: the first mistake, in one line with file and key, or the file has no correction.
+        """
+        file = calibration_file.place(path)
+        found = cls.of(calibration_file.read(path), file)
+        if found is None:
+            raise InputError("is missing: the file corrects no probabilities", file=file, key="correction")
+        return found
+
+    @classmethod
+    def of(cls, document: Document, file: Path) -> Calibration | None:
+        """Return the correction in the contents of a file, if there is one.
 
         Raises:
             InputError: the first mistake, in one line with file and key.
         """
-        file = _file(path)
-        document = _read(file)
-        if "domains" in document:
-            message = "has a sensor model, not a calibration of probabilities: it is for executive run --trust"
-            raise InputError(message, file=file)
-        valid = ("about", "format", "model", "method", "shared", "predicates")
-        for key in document:
-            if key not in valid:
-                raise InputError(f"unknown key; {nearest(key, valid)}", file=file, key=key)
-        if document.get("format") != _FORMAT:
-            raise InputError(f"expected {_FORMAT}, got {document.get('format')!r}", file=file, key="format")
+        table = document.correction
+        if table is None:
+            return None
         methods = [method.value for method in Method]
-        if document.get("method") not in methods:
-            raise InputError(
-                f"no method {document.get('method')!r}; valid: {', '.join(methods)}", file=file, key="method"
-            )
-        model, predicates = document.get("model", ""), document.get("predicates", {})
-        if not isinstance(model, str):
-            raise InputError(f"expected a name, got {model!r:.40}", file=file, key="model")
-        if not isinstance(predicates, dict):
-            raise InputError(f"expected a table of predicates, got {predicates!r:.40}", file=file, key="predicates")
+        if table.method not in methods:
+            message = f"no method {table.method!r}; {nearest(table.method, methods)}"
+            raise InputError(message, file=file, key="correction.method")
         return cls(
-            _scaling(document.get("shared"), file, "shared"),
-            {name: _scaling(table, file, f"predicates.{name}") for name, table in predicates.items()},
-            Method(document["method"]),
-            model,
+            _scaling(table.shared, file, "correction.shared"),
+            {name: _scaling(each, file, f"correction.predicates.{name}") for name, each in table.predicates.items()},
+            Method(table.method),
+            document.model,
         )
 
 
@@ -344,34 +328,8 @@ def _sigmoids(odds: FloatArray) -> FloatArray:
     return clipped
 
 
-def _file(path: Path | str) -> Path:
-    return Path(path) / FILE if os.path.isdir(path) else Path(path)
-
-
-def _as_table(scaling: Scaling) -> dict[str, float]:
-    return {"slope": scaling.slope, "bias": scaling.bias, "true": scaling.true, "false": scaling.false}
-
-
-def _read(file: Path) -> dict[str, Any]:
-    document = read_json(file, largest=_LARGEST)
-    if not isinstance(document, dict):
-        raise InputError("is not a calibration that Executive wrote", file=file)
-    return document
-
-
-def _scaling(table: object, file: Path, key: str) -> Scaling:
-    valid = {"slope": (int, float), "bias": (int, float), "true": (int,), "false": (int,)}
-    if not isinstance(table, dict):
-        raise InputError(f"expected a table with {', '.join(valid)}, got {table!r:.40}", file=file, key=key)
-    for name, value in table.items():
-        if name not in valid:
-            raise InputError(f"unknown key; {nearest(name, valid)}", file=file, key=f"{key}.{name}")
-        if isinstance(value, bool) or not isinstance(value, valid[name]):
-            raise InputError(f"expected a number, got {value!r:.40}", file=file, key=f"{key}.{name}")
-    for name in ("slope", "bias"):
-        if name not in table:
-            raise InputError("is missing", file=file, key=f"{key}.{name}")
+def _scaling(table: ScalingTable, file: Path, key: str) -> Scaling:
     try:
-        return Scaling(**table)
-    except (ValueError, OverflowError) as error:
+        return Scaling(**table.model_dump())
+    except ValueError as error:
         raise InputError(str(error), file=file, key=key) from None

@@ -27,7 +27,7 @@ from executive.planning.mutex_groups import find_mutexes
 
 @pytest.fixture(scope="module")
 def episodes(tmp_path_factory: pytest.TempPathFactory) -> list[Episode]:
-    estimators = configurations.oracles(tmp_path_factory.mktemp("trust"))
+    estimators = configurations.oracles(tmp_path_factory.mktemp("calibration"))
     return list(configurations.campaign("symbolic", configurations.grocery([None]), estimators, 2).episodes())
 
 
@@ -103,14 +103,14 @@ def test_an_amount_is_found_at_which_half_is_right(where: float, steepness: floa
     assert abs(rate(spoiling.found(rate, 0.0, 1.0)) - 0.5) <= 2 * spoiling.NEAR
 
 
-def test_bad_pictures_are_a_fault_of_their_eye_and_their_trust_tells_one_from_another(tmp_path: Path) -> None:
+def test_bad_pictures_are_a_fault_of_their_eye_and_their_calibration_tells_one_from_another(tmp_path: Path) -> None:
     domain = load_domain("grocery")
     network = MutexNetwork(domain.task.atoms, find_mutexes(domain.parsed).groups)
     taken = courses(domain, 6, 10, 0)
     some, other = (looks.trusted(network, taken, graded(seed)) for seed in (0, 1))
     first, again, second = (configurations.spoiled("noisy=40", trust, tmp_path) for trust in (some, some, other))
     assert first == again
-    assert first.trust != second.trust
+    assert first.calibration != second.calibration
     (fault,) = map(parse_fault, first.faults)
     assert (fault.kind, fault.way, fault.amount, fault.action) == ("camera", "noisy", 40.0, 0)
 

@@ -16,7 +16,7 @@
     small = { estimator = "vlm", vlm = "FOLDER" }
 
     [monitors]                          # what is made of looks: plain, consistent, full, or options of `run`: alpha,
-    full = {}                           # threshold, memory, trust, max_looks_again, max_questions, guard
+    full = {}                           # threshold, memory, max_looks_again, max_questions, guard
     doubtful = { alpha = 0.05, max_looks_again = 1 }
 
     [run]                               # other options of `run` for all episodes
@@ -209,11 +209,11 @@ class _Reader:
         return tuple(made)
 
     def _eye(self, said: Mapping[str, Any], kind: str, key: str) -> tuple[EstimatorConfig | None, str]:
-        if kind != "vlm":
-            if said:
-                self._fail(key, f"{kind!r} asks no model; its options go with vlm")
-            return None, ""
+        if kind != "vlm" and said.keys() - ({"calibration"} if kind == "oracle" else set()):
+            self._fail(key, f"{kind!r} asks no model; its options go with vlm")
         chosen = read_values(EstimatorConfig, said, self._path, key)
+        if kind != "vlm":
+            return (self._made(EstimatorConfig, self._with_files(chosen, ("calibration",)), key) if said else None), ""
         files = ("instructions", "calibration") if "server" in chosen else ("vlm", "instructions", "calibration")
         eye = self._made(EstimatorConfig, self._with_files(chosen, files), key)
         folders = {}

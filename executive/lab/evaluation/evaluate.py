@@ -218,6 +218,8 @@ class Evaluator:
             "problem": self.subject.task.problem,
             "data": {"folder": config.data.name, "seed": collection.get("seed"), "home_pose": at_home},
             "model": model,
+            "runtime": opened.runtime,
+            "quantisation": opened.quantisation,
             "calibrated": load_calibration(with_default_model(config.eye, self.subject)) is not None,
             "translator": config.eye.translator,
             "instructions": instructed,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from executive.app.estimators import open_estimator
+from executive.app.estimators import open_estimator, runs_as
 from executive.domain.loader import Domain, Subject, load_domain, load_subject
 from executive.lab.collection import dataset
 from executive.lab.collection.dataset import Point
@@ -34,11 +34,14 @@ OPENING = Look(0, 0, 0)
 
 
 class Opened(NamedTuple):
-    """The estimator that a worker has opened: the model's name, its cameras, and the arguments of `Questions`."""
+    """The estimator that a worker has opened: the model's name, its cameras, the arguments of `Questions`, and what
+    runs the model, in which quantisation, as far as that is known."""
 
     name: str
     cameras: tuple[str, ...] | None
     asked: tuple[dict[Atom, str], str, str, tuple[str, ...], tuple[str, ...]]
+    runtime: str = ""
+    quantisation: str = ""
 
     @property
     def questions(self) -> Questions:
@@ -74,7 +77,8 @@ class Observer:
         if look == OPENING:
             own = self._questions
             asked = (dict(own.text), own.system, own.translator, own.answers, own.warnings)
-            return Opened(self.eye.backend.name, self.eye.cameras, asked)
+            backend = self.eye.backend
+            return Opened(backend.name, self.eye.cameras, asked, *runs_as(backend))
         point = self._shown.point(look)
         self.eye.questions = self._shown.questions(point, self._questions)
         observation = Observation(look.number, point.time, self._shown.pictures(point), point.joints)

@@ -79,6 +79,10 @@ class ServerBackend:
     def name(self) -> str:
         return self.server.name
 
+    @property
+    def runtime(self) -> str:
+        return "server"
+
     def check(self) -> str:
         """Ask one thing whose answer is known, without a picture, to find out what is wrong with a server before any
         picture is taken.

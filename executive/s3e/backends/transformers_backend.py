@@ -90,6 +90,16 @@ class TransformersBackend:
         return f"TransformersBackend({self._name!r}, device={self.device!r}, dtype={self.dtype!r})"
 
     @property
+    def runtime(self) -> str:
+        return "transformers"
+
+    @property
+    def quantisation(self) -> str:
+        """What the weights are quantised to, or their data type."""
+        quantised = getattr(self._model.config, "quantization_config", None)
+        return str(getattr(quantised, "quant_method", None) or self.dtype)
+
+    @property
     def name(self) -> str:
         """The checkpoint folder's own name, or the hub's id."""
         return self._name

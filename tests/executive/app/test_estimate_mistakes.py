@@ -13,7 +13,8 @@ from executive import cli
 from executive.app import estimators
 from executive.app.config import EstimatorConfig
 from executive.errors import InputError
-from executive.s3e.calibration import FILE, Calibration, Scaling
+from executive.s3e.calibration import Calibration, Scaling
+from executive.s3e.calibration_file import FILE
 from tests.executive.app.estimating import ANSWER, LEMON, Estimate, estimating, say, write_pictures
 from tests.executive.cli.test_cli import one_error_line
 from tests.executive.s3e.chat_server import ChatServerUnderTest, completion, serving
@@ -68,10 +69,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
         (["--image", "{dark}", "--instructions", "paper", "--no-instructions"], "--no-instructions: does not go with"),
         (["--image", "{dark}", "--instructions", "{here}/empty.png"], "empty.png: is empty"),
-        (
-            ["--image", "{dark}", "--calibration", "{here}/trust.json"],
-            "it is for executive run --trust",
-        ),
+        (["--image", "{dark}", "--calibration", "{here}/other.json"], "other.json: format: expected 2, got 3"),
         (["--image", "{dark}", "--translator", "lmm"], "--translator: no translator 'lmm'; did you mean 'llm'?"),
         (["--image", "{dark}", "--llm", "writer"], "--llm: goes with --translator llm"),
         (["--image", "{dark}", "--problem", "breakfst"], "did you mean 'breakfast'?"),
@@ -91,7 +89,7 @@ def test_what_is_wrong_is_one_line(
 ) -> None:
     (tmp_path / "empty.png").touch()
     (tmp_path / "text.png").write_text("hello, I am no picture")
-    (tmp_path / "trust.json").write_text('{"format": 1, "domains": {}}')
+    (tmp_path / "other.json").write_text('{"format": 3, "domains": {}}')
     filled = [each.format(dark=pictures[0], here=tmp_path, clip=clip) for each in arguments]
     assert estimate(*filled) == 2
     assert said in one_error_line(capsys)

@@ -13,7 +13,7 @@ import pytest
 from executive.app import monitors
 from executive.app.config import EstimatorConfig, MonitorConfig
 from executive.app.monitors import open_monitor
-from executive.app.sensor_fit import FILE, fit, load, load_outcomes, save
+from executive.app.sensor_fit import fit, load, load_outcomes, save
 from executive.belief import (
     EXACT,
     ActionModel,
@@ -31,6 +31,7 @@ from executive.domain.loader import load_domain
 from executive.errors import DomainError, InputError
 from executive.planning.mutex_groups import Mutexes
 from executive.s3e.calibration import Calibration, Scaling
+from executive.s3e.calibration_file import FILE, FORMER, Document, read, write
 from executive.types import Atom, Belief, SkillStatus
 from tests.executive.belief.hands import ATOMS, FLOOR, HAND, NETWORK, PLACES, THINGS, truth
 from tests.executive.sim.stage import ROOT
@@ -127,11 +128,11 @@ def test_a_file_keeps_what_was_learned_domain_by_domain(tmp_path: Path) -> None:
 
 
 GOOD = {
-    "format": 1,
+    "format": 2,
     "domains": {
         "d": {
             "looks": 2,
-            "alike": 0.2,
+            "correlation_within": 0.2,
             "predicates": {"on": {"false_alarms": 0.1, "misses": 0.1, "slope": 1.0, "bias": 0.0, "scores": [0.1]}},
             "atoms": {"on(a)": {"false_alarms": 0.2, "misses": 0.2, "slope": 1.0, "bias": 0.0}},
         }
@@ -142,14 +143,14 @@ GOOD = {
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [
-        ('"format": 1', '"format": 2', "format"),
+        ('"format": 2', '"format": 3', "format"),
         ('"looks": 2', '"looks": "two"', "domains.d.looks"),
         ('"misses": 0.1', '"misses": 1.5', "domains.d.predicates.on"),
         ('"misses": 0.2', '"misses": 1.5', "domains.d.atoms.on(a)"),
         ('"on(a)"', '"on(a"', "domains.d.atoms.on(a"),
-        ('"alike": 0.2', '"alike": 2', "domains.d.alike"),
+        ('"correlation_within": 0.2', '"correlation_within": 2', "domains.d.correlation_within"),
         ('"scores": [0.1]', '"scores": [7.0]', "domains.d.predicates.on"),
-        ('"format"', '"fromat"', "fromat"),
+        ('"format"', '"fromat"', "format"),
         ("{", "", None),
     ],
 )
@@ -170,14 +171,51 @@ def test_a_file_that_is_not_there_or_cannot_be_written_is_named(tmp_path: Path) 
         load(tmp_path / "none.json", "d")
     (tmp_path / "in-the-way").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
-        save(tmp_path / "in-the-way" / "trust.json", "d", fit(flipping(10, 1, 0.1, 0.1), NETWORK))
+        save(tmp_path / "in-the-way" / FILE, "d", fit(flipping(10, 1, 0.1, 0.1), NETWORK))
 
 
-def test_a_calibration_is_called_what_it_is(tmp_path: Path) -> None:
-    file = Calibration(Scaling(2.0, 1.0)).save(tmp_path)
-    with pytest.raises(InputError, match="--calibration") as caught:
-        load(file, "grocery")
-    assert caught.value.file == file
+def test_one_file_has_the_error_rates_and_the_correction(tmp_path: Path) -> None:
+    fitted, correction = fit(flipping(60, 7, 0.1, 0.05), NETWORK), Calibration(Scaling(2.0, 1.0))
+    file = save(tmp_path, "grocery", fitted, correction, model="m", runtime="transformers", quantisation="float32")
+    assert [path.name for path in tmp_path.iterdir()] == [FILE]
+    assert load(file, "grocery").sensor_model == fitted.sensor_model
+    assert Calibration.load(file).shared == correction.shared
+    other = Calibration(Scaling(3.0, 0.0), model="m")
+    other.save(tmp_path)
+    assert load(file, "grocery").looks == 60, "what else the file has stays"
+    assert Calibration.load(tmp_path) == other
+    with pytest.raises(InputError, match="'transformers' there and 'server' here") as caught:
+        save(tmp_path, "tray", fitted, runtime="server")
+    assert caught.value.key == "runtime"
+
+
+def test_measured_correlations_are_those_of_the_sensor_model(tmp_path: Path) -> None:
+    fitted = fit(flipping(60, 7, 0.1, 0.05), NETWORK, {"at": {"again": 0.6, "cameras": 0.25}})
+    again = load(save(tmp_path, "grocery", fitted), "grocery")
+    assert again.sensor_model.correlations == fitted.sensor_model.correlations == {"at": 0.6}
+    assert again.repeats == {"at": {"again": 0.6, "cameras": 0.25}}
+
+
+def test_the_two_files_of_version_0_1_are_read_together(tmp_path: Path) -> None:
+    scaling = {"slope": 1.5, "bias": -0.5, "true": 3, "false": 4}
+    correction = {"format": 1, "model": "m", "method": "platt", "shared": scaling, "predicates": {"on": scaling}}
+    rates = {"false_alarms": 0.1, "misses": 0.2, "slope": 1.0, "bias": 0.0}
+    domain = {"looks": 2, "alike": 0.3, "lasting": 0.4, "predicates": {"on": {**rates, "scores": [0.1]}}}
+    (tmp_path / FILE).write_text(json.dumps(correction))
+    (tmp_path / FORMER).write_text(json.dumps({"format": 1, "domains": {"d": domain}}))
+    with pytest.warns(FutureWarning, match=r"until version 0\.3"):
+        document = read(tmp_path)
+    write(tmp_path, document)
+    (tmp_path / FORMER).unlink()
+    known = load(tmp_path, "d")
+    assert (known.sensor_model.correlation_within, known.sensor_model.correlation_across) == (0.3, 0.4)
+    assert known.sensor_model.error_models["on"].misses == 0.2
+    assert Calibration.load(tmp_path).predicates["on"] == Scaling(1.5, -0.5, 3, 4)
+    (tmp_path / FILE).unlink()
+    (tmp_path / FORMER).write_text(json.dumps({"format": 1, "domains": {"d": domain}}))
+    with pytest.warns(FutureWarning):
+        assert load(tmp_path, "d").looks == 2
+    assert read(write(tmp_path / "empty.json", Document())) == Document()
 
 
 @pytest.mark.parametrize(
@@ -222,7 +260,7 @@ def no_translator(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def model(tmp_path: Path) -> EstimatorConfig:
-    """A model's folder with a file of trust beside the weights, for the tray."""
+    """A model's folder with a calibration file beside the weights, for the tray."""
     domain = load_domain(TRAY)
     rng = np.random.default_rng(1)
     looks: Looks = []
@@ -259,9 +297,15 @@ def test_a_monitor_is_put_together_from_a_few_words(model: EstimatorConfig) -> N
     asked = opened(MonitorConfig(alpha=0.1), model)
     assert asked.thresholds == known.conformal.thresholds(0.1)
     elsewhere = opened(
-        MonitorConfig(alpha=0.2, trust=Path(str(model.vlm)) / FILE), EstimatorConfig(server="http://h/v1")
+        MonitorConfig(alpha=0.2), EstimatorConfig(server="http://h/v1", calibration=Path(str(model.vlm)) / FILE)
     )
     assert elsewhere.thresholds == known.conformal.thresholds(0.2)
+    with pytest.warns(FutureWarning, match="trust is called calibration now"):
+        former = MonitorConfig(alpha=0.2, trust=Path(str(model.vlm)) / FILE)
+    assert opened(former, EstimatorConfig(server="http://h/v1")).thresholds == elsewhere.thresholds
+    of_oracle = open_monitor(MonitorConfig(), domain, None, calibration=Path(str(model.vlm)))
+    assert isinstance(of_oracle, BayesMonitor)
+    assert of_oracle.sensor_model == known.sensor_model
     plain = open_monitor(MonitorConfig(threshold=0.3), domain, model)
     assert plain == ThresholdMonitor(domain.task.atoms, Thresholds(0.3, 0.3))
 
@@ -271,16 +315,20 @@ def test_a_monitor_is_put_together_from_a_few_words(model: EstimatorConfig) -> N
     ("config", "looking", "file", "key"),
     [
         ({"alpha": 0.1}, "oracle", None, "alpha"),
-        ({"trust": Path("none.json")}, "oracle", "none.json", None),
         ({"alpha": 0.1}, "elsewhere", None, "alpha"),
         ({"alpha": 0.001}, "model", FILE, "alpha"),
-        ({"trust": Path("none.json")}, "model", "none.json", None),
+        ({}, "none.json", "none.json", None),
     ],
 )
 def test_what_does_not_go_together_is_said_in_one_line(
     model: EstimatorConfig, config: dict[str, object], looking: str, file: str | None, key: str | None
 ) -> None:
-    eye = {"oracle": None, "elsewhere": EstimatorConfig(vlm="somewhere/else"), "model": model}[looking]
+    eye = {
+        "oracle": None,
+        "elsewhere": EstimatorConfig(vlm="somewhere/else"),
+        "model": model,
+        "none.json": EstimatorConfig(calibration=Path("none.json")),
+    }[looking]
     with pytest.raises(InputError) as caught:
         open_monitor(MonitorConfig(**config), load_domain(TRAY), eye)  # type: ignore[arg-type]
     where = caught.value.file

@@ -34,7 +34,7 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "run grocery --vlm NAME",
         "run grocery --vlm ~nobody-of-this-name/model",
         "run grocery --vlm x --calibration NAME",
-        "run grocery --trust NAME",
+        "run grocery --estimator oracle --calibration NAME",
         "run grocery --estimator oracle --runs NAME",
         "run grocery --estimator oracle --faults NAME",
         "resume NAME",

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from PIL import Image as Picture
 
 from executive.errors import InputError
-from executive.s3e.calibration import FILE, Calibration, Method, Scaling, fit
+from executive.s3e.calibration import Calibration, Method, Scaling, fit
+from executive.s3e.calibration_file import FILE
 from executive.s3e.reliability import Bin, expected_calibration_error, pairs, plot_reliability, reliability
 from executive.types import Atom, Belief, Evidence, Facts
 
@@ -242,9 +243,9 @@ def test_what_is_saved_is_loaded(tmp_path_factory: pytest.TempPathFactory, calib
 
 def test_a_person_can_read_it(tmp_path: Path) -> None:
     document = json.loads(fit(looks(50, 1)).save(tmp_path / "sub" / "tiny.json").read_text())
-    assert document["format"] == 1
-    assert document["method"] == "platt"
-    assert document["predicates"]["on"].keys() == {"slope", "bias", "true", "false"}
+    assert document["format"] == 2
+    assert document["correction"]["method"] == "platt"
+    assert document["correction"]["predicates"]["on"].keys() == {"slope", "bias", "true", "false"}
 
 
 def test_a_write_that_fails_leaves_the_file_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,14 +262,15 @@ def test_a_write_that_fails_leaves_the_file_as_it_was(tmp_path: Path, monkeypatc
 
 
 def edited(**changes: Any) -> str:
-    good: dict[str, Any] = {
-        "format": 1,
-        "model": "tiny",
+    correction: dict[str, Any] = {
         "method": "platt",
         "shared": {"slope": 1.0, "bias": 0.0},
         "predicates": {"on": {"slope": 1.5, "bias": -0.5, "true": 3, "false": 4}},
     }
-    return json.dumps({key: value for key, value in {**good, **changes}.items() if value is not None})
+    good: dict[str, Any] = {"format": 2, "model": "tiny", "correction": correction}
+    for key, value in changes.items():
+        (correction if key in correction else good)[key] = value
+    return json.dumps({key: value for key, value in good.items() if value is not None})
 
 
 @pytest.mark.parametrize(
@@ -278,22 +280,26 @@ def edited(**changes: Any) -> str:
         ("{", "is not JSON"),
         ("[" * 100_000, "is not JSON"),
         ("[]", "not a calibration"),
-        (edited(format=2), "format: expected 1, got 2"),
-        (edited(format=None), "format: expected 1, got None"),
-        (edited(method="isotonic"), "method: no method 'isotonic'; valid: temperature, platt"),
-        (edited(model=3), "model: expected a name"),
+        (edited(format=3), "format: expected 2, got 3"),
+        (edited(format=None), "format: expected 2, got None"),
+        (edited(method="isotonic"), "correction.method: no method 'isotonic'; valid: platt, temperature"),
+        (edited(model=3), "model: should be a valid string, got 3"),
         (edited(extra=1), "extra: unknown key"),
-        (edited(shared=None), "shared: expected a table"),
-        (edited(shared={"slope": 1.0}), "shared.bias: is missing"),
-        (edited(shared={"slope": "1", "bias": 0}), "shared.slope: expected a number, got '1'"),
-        (edited(shared={"slope": -1, "bias": 0}), "shared: slope -1 and bias 0 do not keep the order"),
-        (edited(shared={"slope": True, "bias": 0}), "shared.slope: expected a number"),
+        (edited(correction=None), "correction: is missing"),
+        (edited(shared=None), "correction.shared: should be"),
+        (edited(shared={"slope": 1.0}), "correction.shared.bias: is missing"),
+        (edited(shared={"slope": "1", "bias": 0}), "correction.shared.slope: should be a valid number, got '1'"),
+        (edited(shared={"slope": -1, "bias": 0}), "correction.shared: slope -1.0 and bias 0.0 do not keep the order"),
+        (edited(shared={"slope": True, "bias": 0}), "correction.shared.slope: should be a valid number"),
         (edited(shared={"slope": math.nan, "bias": 0}), "do not keep the order"),
-        (edited(shared={"slope": 10**400, "bias": 0}), "shared: "),
-        (edited(predicates=[1]), "predicates: expected a table"),
-        (edited(predicates={"on": {"slope": 1, "bias": 0, "tru": 3}}), "predicates.on.tru: unknown key; did you mean"),
-        (edited(predicates={"on": {"slope": 1, "bias": 0, "true": 1.5}}), "predicates.on.true: expected a number"),
-        (edited(predicates={"on": {"slope": 1, "bias": 0, "true": -1}}), "predicates.on: -1 labels"),
+        (edited(shared={"slope": 10**400, "bias": 0}), "correction.shared"),
+        (edited(predicates=[1]), "correction.predicates: should be a table"),
+        (
+            edited(predicates={"on": {"slope": 1, "bias": 0, "tru": 3}}),
+            "correction.predicates.on.tru: unknown key; did you mean",
+        ),
+        (edited(predicates={"on": {"slope": 1, "bias": 0, "true": 1.5}}), "correction.predicates.on.true: should be"),
+        (edited(predicates={"on": {"slope": 1, "bias": 0, "true": -1}}), "correction.predicates.on: -1 labels"),
     ],
 )
 def test_a_bad_file_is_one_line(tmp_path: Path, text: str, said: str) -> None:

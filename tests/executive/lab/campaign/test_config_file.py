@@ -45,7 +45,7 @@ def test_what_a_file_leaves_out_goes_without_saying(tmp_path: Path) -> None:
 def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
     (tmp_path / "eye").mkdir()
     (tmp_path / "eye" / "config.json").write_text("{}")
-    (tmp_path / "trust.json").write_text("{}")
+    (tmp_path / "known").write_text("{}")
     text = """
         title = "All"
         about = "Two\\nlines"
@@ -61,10 +61,10 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
         none = {}
         oracle = {}
         papers = { estimator = "vlm", vlm = "eye", instructions = "own.md", cameras = ["front"], abstention = false }
-        small = { estimator = "vlm", vlm = "eye", translator = "none", instructions = false }
+        small = { estimator = "vlm", vlm = "eye", translator = "none", instructions = false, calibration = "known" }
         [monitors]
         plain = {}
-        doubtful = { alpha = 0.1, trust = "trust.json", max_looks_again = 1, guard = false }
+        doubtful = { alpha = 0.1, max_looks_again = 1, guard = false }
         [run]
         home_pose = false
         grasp_noise = 0.004
@@ -88,8 +88,10 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
     assert made.size == 2 * 2 * 2 * 7 == len(list(made.episodes()))
     last = list(made.episodes())[-1]
     assert last.key == ("grocery", "one-item", "some", "small", "doubtful", "3")
-    assert last.config.eye == EstimatorConfig(vlm=str(tmp_path / "eye"), translator="none", instructions=False)
-    assert last.config.monitor == MonitorConfig(alpha=0.1, trust=tmp_path / "trust.json")
+    assert last.config.eye == EstimatorConfig(
+        vlm=str(tmp_path / "eye"), translator="none", instructions=False, calibration=tmp_path / "known"
+    )
+    assert last.config.monitor == MonitorConfig(alpha=0.1)
     assert (last.config.max_looks_again, last.config.guard) == (1, False), "its own options go first"
     plain = next(episode for episode in made.episodes() if str(episode.configuration) == "small, plain")
     assert (plain.config.max_looks_again, plain.config.guard) == (2, True)
@@ -102,7 +104,7 @@ def test_everything_that_a_file_can_say(tmp_path: Path) -> None:
     assert (told["eye"]["cameras"], told["eye"]["abstention"]) == (["front"], False)
     told = made.described()["contenders"]["small, doubtful"]
     assert told["eye"].keys().isdisjoint({"cameras", "abstention"}), "what is as it was before there was a choice"
-    assert (told["eye"]["vlm"], told["monitor"]["trust"]) == ("eye", "trust.json"), "no folder of one machine"
+    assert (told["eye"]["vlm"], told["eye"]["calibration"]) == ("eye", "known"), "no folder of one machine"
 
 
 @settings(max_examples=30, deadline=None)

@@ -28,7 +28,7 @@ CONFIGS: list[dict[str, Any]] = [
     {"home_pose": False, "grasp_noise": 0.004, "max_replans": 0, "max_actions": 9},
     {"max_looks_again": 0, "max_questions": 8, "guard": False},
     {"max_cycles": 5, "max_looks": 6, "max_seconds": 7.5, "patience": 8.0},
-    {"monitor": MonitorConfig(alpha=0.1, memory=False, trust=Path("a file"))},
+    {"monitor": MonitorConfig(alpha=0.1, memory=False), "eye": EstimatorConfig(calibration=Path("a file"))},
     {"monitor": MonitorConfig(threshold=0.7)},
     {"estimator": "vlm", "eye": EstimatorConfig("a folder", None, "none", None, False, True, Path("c.json"))},
     {
