@@ -22,6 +22,7 @@ The names below load no model and no library that runs one; those come with the 
 from executive.s3e.backends.interface import LEAST_MASS, TRUE_FALSE, YES_NO, Answer, AnswerWords, Backend, Look
 from executive.s3e.backends.openai_backend import ServerBackend, ServerWriter
 from executive.s3e.backends.openai_client import ChatServer
+from executive.s3e.backends.s3e_package import FromS3E, as_s3e
 from executive.s3e.backends.transformers_backend import TransformersBackend
 from executive.s3e.calibration import Calibration
 from executive.s3e.estimator import S3E, Finding, View, Views, observe
@@ -51,6 +52,7 @@ __all__ = [
     "Calibration",
     "ChatServer",
     "Finding",
+    "FromS3E",
     "LanguageModel",
     "LocalWriter",
     "Look",
@@ -68,6 +70,7 @@ __all__ = [
     "View",
     "Views",
     "Writer",
+    "as_s3e",
     "generic",
     "instruct",
     "load_instructions",
