@@ -3,12 +3,15 @@
 python -m examples.robosuite_panda.panda [FAULT ...] [--server URL]
 """
 
+import os
 import sys
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is loaded: pictures are drawn without a screen
 import robosuite
 
 import executive as ex
@@ -110,15 +113,13 @@ def skill(step: ex.Step, context: ex.SkillContext) -> ex.SkillResult:
 
 
 def play(panda: Panda, faults: Sequence[str] = (), server: str = "", sinks: Sequence[ex.Sink] = ()) -> ex.Ended:
-    """Stack the cubes, with the simulator's truth or a vision-language model's answers for eyes."""
     schema = ex.read_task(FOLDER / "domain.pddl", FOLDER / "problem.pddl")
     eye: ex.Estimator = ex.RelationEstimator(lambda: panda, RELATIONS)
     if server:
         eye = ex.open_estimator(ex.EstimatorConfig(server=server), ex.load_subject(FOLDER))
     broken = ex.FaultInjector([ex.parse_fault(fault, list(CUBES)) for fault in faults], panda)
-    skills, shown = {"take": skill, "stack": skill}, [ex.TerminalSink(sys.stdout), *sinks]
-    parts = (schema.task, ex.FastDownwardPlanner(schema), panda, skills, eye, shown)
-    return ex.make_executive(*parts, faults=broken, domain="robosuite_panda").run()
+    parts = (schema.task, ex.FastDownwardPlanner(schema), panda, {"take": skill, "stack": skill}, eye)
+    return ex.make_executive(*parts, [ex.TerminalSink(sys.stdout), *sinks], faults=broken, domain="panda").run()
 
 
 if __name__ == "__main__":
