@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from PIL import Image as Picture
 
 from executive.errors import InputError, MissingError
 from executive.s3e.backends.interface import YES_NO, Answer, AnswerWords, Backend, Look
 from executive.types import Image
+
+if TYPE_CHECKING:
+    from PIL import Image as Picture
 
 EXTRA = "s3e"
 
@@ -52,6 +54,8 @@ class FromS3E:
         Raises:
             InputError: there is no picture.
         """
+        from PIL import Image as Picture
+
         if not images:
             raise InputError("there is no picture to look at")
         return _Look(self._vlm, [Picture.fromarray(np.asarray(image)) for image in images], system, words)
