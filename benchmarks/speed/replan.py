@@ -14,8 +14,8 @@ from pathlib import Path
 from benchmarks.speed.table import Row
 from executive.domain.loader import load_domain
 from executive.domain.pddl import Schema, read_task
-from executive.planning.engine import SasFile, find_search
 from executive.planning.fast_downward import EVALUATORS, GREEDY, LAMA, FastDownwardPlanner
+from executive.planning.programs import SasFile, find_search
 from executive.planning.translation import TranslatedTask
 from executive.types import Atom, Facts, Plan
 

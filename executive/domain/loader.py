@@ -18,7 +18,7 @@ import numpy as np
 
 from executive.domain.manifest import MANIFEST, Looking, Manifest, Source, inside
 from executive.domain.pddl import Schema, read_task, read_vocabulary
-from executive.domain.pddl.successors import draw_action
+from executive.domain.pddl.random_action import draw_action
 from executive.errors import DomainError, nearest
 from executive.types import Atom, Step, Task
 from executive.util.files import read_toml
@@ -89,7 +89,7 @@ class Domain:
     def draw_action(
         self, state: Mapping[Atom, bool], rng: np.random.Generator, about: Collection[str] = ()
     ) -> Step | None:
-        """Draw an action that can be carried out in a state (see `executive.domain.pddl.successors`)."""
+        """Draw an action that can be carried out in a state (see `executive.domain.pddl.random_action`)."""
         return draw_action(self.parsed, state, rng, about)
 
     def fingerprint(self) -> str:

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executive.domain.loader import load_domain
 from executive.domain.pddl import Schema, read_task
-from executive.domain.pddl.successors import draw_action
+from executive.domain.pddl.random_action import draw_action
 from executive.errors import DomainError, InputError, OptionError, nearest
 from executive.sim.spec import SceneSpec, read_scene
 from executive.types import Atom

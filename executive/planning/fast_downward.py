@@ -2,7 +2,7 @@
 
 Small tasks are grounded in this process (`executive.planning.sas_task`), larger ones by Fast Downward's translator
 (`executive.planning.translation`). Fast Downward is GPL-3 and runs in processes of its own
-(`executive.planning.engine`). Only what it calls proven counts as unsolvable, and every plan is carried out on paper
+(`executive.planning.programs`). Only what it calls proven counts as unsolvable, and every plan is carried out on paper
 before it is handed out.
 """
 
@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from executive.domain.pddl import Schema
-from executive.planning.engine import SasFile, find_search
 from executive.planning.goal_order import State, by_goals, replay
+from executive.planning.programs import SasFile, find_search
 from executive.planning.sas_task import GroundedTask, NoLiteralsError, SasTask, size
 from executive.planning.translation import TranslatedTask, TranslatorError
 from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Step

@@ -26,8 +26,8 @@ from typing import NamedTuple
 
 from executive.belief.mutex_inference import Group
 from executive.domain.pddl import Schema
-from executive.planning.engine import TRANSLATOR, translator_command
 from executive.planning.pddl_text import FINISH, PddlText
+from executive.planning.programs import TRANSLATOR, translator_command
 from executive.planning.sas_task import size
 from executive.planning.translation import FILE, TranslatorError, run_translator
 from executive.types import Atom

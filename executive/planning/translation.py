@@ -17,8 +17,8 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from executive.domain.pddl import Schema
-from executive.planning.engine import TRANSLATOR, run_program, translator_command
 from executive.planning.pddl_text import FINISH, PddlText
+from executive.planning.programs import TRANSLATOR, run_program, translator_command
 from executive.planning.sas_operators import Operator, Reachability, Rule, relevant
 from executive.planning.sas_task import SasTask, scale
 from executive.types import Atom, Condition, Step

@@ -13,9 +13,9 @@ from typing import Any
 
 from executive.domain.pddl import Schema
 from executive.errors import InputError, MissingError, nearest
-from executive.planning.engine import last_words, run_program
 from executive.planning.goal_order import State, replay
 from executive.planning.pddl_text import PddlText
+from executive.planning.programs import last_words, run_program
 from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Step
 
 _PROCESS = Path(__file__).with_name("engine_process.py")

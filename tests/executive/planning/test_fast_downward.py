@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 
 from executive.domain.pddl import Schema, read_task
 from executive.errors import MissingError
-from executive.planning.engine import SasFile, find_search
 from executive.planning.fast_downward import SOLVED, UNSOLVABLE, FastDownwardPlanner
 from executive.planning.goal_order import State, by_goals, replay
+from executive.planning.programs import SasFile, find_search
 from executive.planning.sas_task import GroundedTask
 from executive.protocols import Planner
 from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan
@@ -301,10 +301,10 @@ def test_a_missing_engine_is_named_with_its_command(
     schemas: Schemas, monkeypatch: pytest.MonkeyPatch, grounded: bool
 ) -> None:
     if grounded:
-        monkeypatch.setattr("executive.planning.engine.PACKAGE", "no_such_package")
+        monkeypatch.setattr("executive.planning.programs.PACKAGE", "no_such_package")
     else:
         monkeypatch.setattr("executive.planning.fast_downward.MOST_GROUNDED", -1)
-        monkeypatch.setattr("executive.planning.engine.TRANSLATOR", "no_such_package.translate")
+        monkeypatch.setattr("executive.planning.programs.TRANSLATOR", "no_such_package.translate")
     planner = FastDownwardPlanner(schemas["tray"])
     planner.warm_up()  # says nothing; the call that needs it does
     with pytest.raises(MissingError, match="pip install up-fast-downward"):

@@ -16,10 +16,10 @@ from executive.belief.mutex_inference import Group
 from executive.domain.loader import load_domain
 from executive.domain.pddl import Schema, read_task
 from executive.errors import MissingError
-from executive.planning import engine, mutex_groups, translation
-from executive.planning.engine import Ended
+from executive.planning import mutex_groups, programs, translation
 from executive.planning.mutex_groups import Mutexes, find_mutexes
 from executive.planning.pddl_text import PddlText
+from executive.planning.programs import Ended
 from executive.types import Atom, Step
 
 ROOT = Path(__file__).parents[3]
@@ -240,6 +240,6 @@ def test_a_translator_that_fails_says_why(monkeypatch: pytest.MonkeyPatch, caplo
 
 
 def test_a_missing_translator_is_named_with_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine, "TRANSLATOR", "fast_downward_is_not_here.translate")
+    monkeypatch.setattr(programs, "TRANSLATOR", "fast_downward_is_not_here.translate")
     with pytest.raises(MissingError, match="pip install up-fast-downward"):
         find_mutexes(load_domain(TRAY).parsed)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.planning.engine import Ended, last_words, memory_limit, run_program
+from executive.planning.programs import Ended, last_words, memory_limit, run_program
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -58,7 +58,7 @@ def test_it_cannot_take_all_memory(tmp_path: Path) -> None:
 STARTER = """
 import sys, threading
 from pathlib import Path
-from executive.planning.engine import run_program
+from executive.planning.programs import run_program
 where = Path(sys.argv[1])
 def run(number):
     run_program(["sh", "-c", f"echo $$ > {number}.part; mv {number}.part {number}; exec sleep 1000"], where, 900.0)
@@ -87,7 +87,7 @@ def test_it_ends_with_the_process_that_started_it(tmp_path: Path, number: signal
 
 def test_whoever_watches_may_be_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Then the next program is watched again."""
-    monkeypatch.setattr("executive.planning.engine._watching", None)
+    monkeypatch.setattr("executive.planning.programs._watching", None)
     for _ in range(2):
         assert run_program(["true"], tmp_path, 60.0).code == 0
         (watcher,) = [
