@@ -17,8 +17,9 @@ FINGERS = (
 )
 """The bodies of each finger."""
 
-_ROUND = 64
-"""Corners that stand for a circle: they leave out 0.1 % of its radius."""
+_ROUND = 512
+"""Corners that stand for a circle: they leave out 0.002 % of its radius, less than `CONTACT` for what a hand can hold,
+so that a cylinder on its side rests on something wherever it was rolled to."""
 
 
 class Solids:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -120,5 +121,23 @@ def test_a_tower_in_a_region_stands_as_it_is_declared_and_the_truth_tells_its_st
         world.settle(0.3)
         now = truth.of([Atom("in", (TOP, "left")), Atom("on", (TOP, MIDDLE)), Atom("on", (TOP, "table"))])
         assert now.true == {Atom("on", (TOP, "table"))}
+    finally:
+        world.close()
+
+
+def test_a_cylinder_on_its_side_rests_on_the_table_wherever_it_was_rolled_to(scene: Path) -> None:
+    world = MujocoWorld(scene, {MIDDLE: "block"}, seed=0)
+    try:
+        truth, rests = Truth(world, RELATIONS, {"on": ("item", "thing")}), Atom("rests", (MIDDLE, "table"))
+        table, start = world.handle.tables["table"], world._places[MIDDLE]
+        radius = float(world.model.geom_size[world.model.body_geomadr[world.model.body(MIDDLE).id]][0])
+        for rolled in np.linspace(0.0, 0.1, 9):
+            half, quarter = 0.5 * rolled, np.sqrt(0.5)
+            lying = quarter * np.array([np.cos(half), np.sin(half), np.cos(half), np.sin(half)])
+            height = table.centre[2] + radius
+            for above, expected in ((-3e-6, True), (20e-6, False)):
+                world.data.qpos[start : start + 7] = [*table.centre[:2], height + above, *lying]
+                mujoco.mj_forward(world.model, world.data)
+                assert truth.of([rests])[rests] is expected
     finally:
         world.close()
