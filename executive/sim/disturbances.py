@@ -332,12 +332,13 @@ _DISTURBANCES: Mapping[str, Callable[[MujocoWorld, np.random.Generator, Mapping[
 
 
 def _grid(table: TableSpec, half: FloatArray) -> list[tuple[float, float]]:
-    """The grid of positions on a table, in its own frame, at which a box with half extents `half` is on its top."""
-    across, along = (
-        np.arange(-room, room + 1e-9, _GRID)
-        for room in (0.5 * size - float(extent) for size, extent in zip(table.size[:2], half[:2], strict=True))
-    )
-    return [(float(x), float(y)) for x, y in product(across, along)]
+    """Positions on a table, in its own frame, at which a box with half extents `half` is on its top: those of as many
+    as fit beside each other, and then a grid for where things are in the way."""
+    rooms = [0.5 * size - float(extent) for size, extent in zip(table.size[:2], half[:2], strict=True)]
+    counts = [int(size // (2.0 * float(extent))) for size, extent in zip(table.size[:2], half[:2], strict=True)]
+    packed = product(*(np.linspace(-room, room, count) for room, count in zip(rooms, counts, strict=True)))
+    between = product(*(np.arange(-room, room + 1e-9, _GRID) for room in rooms))
+    return [(float(x), float(y)) for x, y in (*packed, *between)]
 
 
 def _loose(world: MujocoWorld, rng: np.random.Generator, item: str | None, besides: str | None = None) -> str | None:

@@ -147,7 +147,7 @@ class MujocoWorld:
             tables={table.name: table for table in self.spec.tables},
             shapes=self.shapes | unknown.shapes(spare),
             regions={region.name: region for region in self.spec.regions},
-            unknown=frozenset(box.name for box in spare),
+            unknown=frozenset(self.boxes).union(box.name for box in spare),
             camera_positions={camera.name: np.array(camera.position) for camera in self.spec.cameras},
             planning_spec=lambda: scene.build(stage, visuals=False),
             control_period=self._steps * self.model.opt.timestep,

@@ -470,8 +470,9 @@ def test_nohup_is_nohup(handlers: None) -> None:
 
 
 BUSY = """
-import hashlib, sys, time
+import hashlib, signal, sys, time
 from executive.cli.app import ctrl_c
+signal.signal(signal.SIGINT, signal.default_int_handler)  # else ignored, where a shell started the tests behind it
 def cancel(): print("cancelled", flush=True)
 with ctrl_c(cancel, float(sys.argv[1])) as interrupted:
     print("busy", flush=True)
