@@ -6,6 +6,7 @@ skill, which runs in a thread of its own. So one thread of the process does all 
 
 from __future__ import annotations
 
+import atexit
 import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
@@ -145,9 +146,18 @@ class Drawing:
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
             self._renderers[height, width] = renderer
-            # At exit OpenGL may be gone before a world that nobody closed, and would say so at length.
-            weakref.finalize(self, _there, renderer.close)
+            weakref.finalize(self, _there, renderer.close).atexit = False
+            _unclosed().add(self)
         return renderer
+
+
+@cache
+def _unclosed() -> weakref.WeakSet[Drawing]:
+    """The drawings that are freed at exit, if nobody has closed them. MuJoCo's module for OpenGL ends OpenGL at exit,
+    and what is freed after that says so at length; what is registered after that module was loaded comes before it."""
+    drawings = weakref.WeakSet[Drawing]()
+    atexit.register(lambda: [drawing.close() for drawing in [*drawings]])
+    return drawings
 
 
 def _there(work: Callable[[], _T]) -> _T:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,7 @@ from executive.sim.truth import Oracle, Truth
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, FloatArray, Frame, Observation
 from tests.contracts import EstimatorContract, SimulatorContract
-from tests.executive.sim.stage import ITEMS, MEANING, OBJECTS, SCENE, TABLES, grocery
+from tests.executive.sim.stage import ITEMS, MEANING, OBJECTS, ROOT, SCENE, TABLES, grocery
 
 
 @pytest.fixture(scope="module")
@@ -266,3 +268,14 @@ def test_scenery_is_sound_and_names_what_frames_move(world: MujocoWorld) -> None
         assert geometry.body == "" or geometry.body in moving
     assert {camera.name for camera in scenery.cameras} == {camera.name for camera in world.spec.cameras}
     assert sum(len(geometry.vertices) for geometry in scenery.geometries) < 40_000
+
+
+def test_a_world_that_nobody_closed_ends_silently() -> None:
+    program = """
+import executive.app.run  # which settles how pictures are drawn
+from tests.executive.sim.stage import grocery
+world = grocery(0, ("lemon",))
+print(len(world.observe().images))
+"""
+    ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert (ended.stdout, ended.stderr) == ("5\n", "")
