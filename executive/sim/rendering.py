@@ -156,7 +156,12 @@ def _unclosed() -> weakref.WeakSet[Drawing]:
     """The drawings that are freed at exit, if nobody has closed them. MuJoCo's module for OpenGL ends OpenGL at exit,
     and what is freed after that says so at length; what is registered after that module was loaded comes before it."""
     drawings = weakref.WeakSet[Drawing]()
-    atexit.register(lambda: [drawing.close() for drawing in [*drawings]])
+
+    def close() -> None:
+        for drawing in [*drawings]:
+            drawing.close()
+
+    atexit.register(close)
     return drawings
 
 
