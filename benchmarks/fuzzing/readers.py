@@ -23,7 +23,7 @@ from executive.app.resume import PastRun
 from executive.app.sensor_fit import load_outcomes
 from executive.belief import ThresholdMonitor
 from executive.domain.loader import Domain, load_domain, load_subject
-from executive.domain.pddl import read_task, read_vocabulary
+from executive.domain.pddl import Schema, Stated, read_task, read_vocabulary
 from executive.errors import InputError
 from executive.faults import parse_fault, read_faults
 from executive.lab.campaign.config_file import read_campaign
@@ -110,7 +110,12 @@ def feed_manifest(data: bytes, scratch: Path) -> None:
             load_subject(folder)
 
 
-_task, _vocabulary = lru_cache(16)(read_task), lru_cache(16)(read_vocabulary)
+_unstated, _vocabulary = lru_cache(16)(read_task), lru_cache(16)(read_vocabulary)
+
+
+def _task(domain: Path, problem: Path, seen: frozenset[str], stated: Stated) -> Schema:
+    """As `read_task`: what a manifest states is no key of a cache."""
+    return read_task(domain, problem, seen, stated) if any(stated) else _unstated(domain, problem, seen)
 
 
 def feed_scene(data: bytes, scratch: Path) -> None:

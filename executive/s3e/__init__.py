@@ -19,6 +19,9 @@ OpenAI-compatible server, `ServerBackend(ChatServer("http://127.0.0.1:8000/v1"))
 The names below load no model and no library that runs one; those come with the first model that is made.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from executive.s3e.backends.interface import LEAST_MASS, TRUE_FALSE, YES_NO, Answer, AnswerWords, Backend, Look
 from executive.s3e.backends.openai_backend import ServerBackend, ServerWriter
 from executive.s3e.backends.openai_client import ChatServer
@@ -26,7 +29,6 @@ from executive.s3e.backends.s3e_package import FromS3E, as_s3e
 from executive.s3e.backends.transformers_backend import TransformersBackend
 from executive.s3e.calibration import Calibration
 from executive.s3e.estimator import S3E, Finding, View, Views, observe
-from executive.s3e.interchange import PlattProfile, Prediction, PredictionSet
 from executive.s3e.pictures import read_picture
 from executive.s3e.questions.language_model import LanguageModel, Reply, Writer
 from executive.s3e.questions.templates import (
@@ -40,6 +42,9 @@ from executive.s3e.questions.templates import (
 )
 from executive.s3e.questions.text_model import LocalWriter
 from executive.types import Questions
+
+if TYPE_CHECKING:
+    from executive.s3e.interchange import PlattProfile, Prediction, PredictionSet
 
 __all__ = [
     "LEAST_MASS",
@@ -78,3 +83,16 @@ __all__ = [
     "observe",
     "read_picture",
 ]
+
+_FILES = frozenset(["PlattProfile", "Prediction", "PredictionSet"])
+"""Names of `executive.s3e.interchange`, which is loaded with the first of them: it takes pydantic."""
+
+
+def __getattr__(name: str) -> object:
+    if name not in _FILES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module("executive.s3e.interchange"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -20,15 +20,17 @@ from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from executive.errors import InputError, nearest
-from executive.s3e import calibration_file
-from executive.s3e.calibration_file import CorrectionTable, Document, ScalingTable
 from executive.s3e.reliability import expected_calibration_error, pairs
 from executive.types import Atom, Belief, FloatArray
+
+if TYPE_CHECKING:  # files take pydantic, which a probability that is corrected does not
+    from executive.s3e.calibration_file import CorrectionTable, Document, ScalingTable
 
 STIFFNESS = 1.0
 """The inverse variance of the predicates' slopes and biases around the shared ones."""
@@ -96,6 +98,8 @@ class Calibration:
 
     def table(self) -> CorrectionTable:
         """Return the correction as it is in a file."""
+        from executive.s3e.calibration_file import CorrectionTable, ScalingTable
+
         predicates = {name: ScalingTable(**asdict(scaling)) for name, scaling in self.predicates.items()}
         return CorrectionTable(
             method=self.method.value, shared=ScalingTable(**asdict(self.shared)), predicates=predicates
@@ -108,6 +112,8 @@ class Calibration:
         Raises:
             InputError: it cannot be written, or what is there is no such file.
         """
+        from executive.s3e import calibration_file
+
         known = calibration_file.read(path) if calibration_file.place(path).is_file() else calibration_file.Document()
         changed = {"correction": self.table(), "model": self.model}
         return calibration_file.write(path, known.model_copy(update=changed))
@@ -119,6 +125,8 @@ class Calibration:
         Raises:
             InputError: the first mistake, in one line with file and key, or the file has no correction.
         """
+        from executive.s3e import calibration_file
+
         file = calibration_file.place(path)
         found = cls.of(calibration_file.read(path), file)
         if found is None:
