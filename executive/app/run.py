@@ -117,9 +117,9 @@ class Run:
         self.folder = make_folder(config, self.domain) if folder is None else folder
         self._collector = Collector()
         try:
-            self.executive = self._assemble(planner, setting.faults, vlm, sinks, view, log)
             if self._own is not None:
-                self._own.ready()
+                self._own.ready()  # before the run's clock begins: loading is not a part of its time
+            self.executive = self._assemble(planner, setting.faults, vlm, sinks, view, log)
         except BaseException:  # Ctrl-C too: a run that never began leaves no folder
             self._close_model()
             if folder is None:
