@@ -110,7 +110,7 @@ class Run:
         first_observation = 0 if self._past is None else self._past.observations
         try:
             self._stage = setting.open(first_observation)
-        except BaseException:
+        except BaseException:  # Ctrl-C too: the model's process ends with the run that it was opened for
             self._close_model()
             raise
         self.world, self.truth = self._stage.world, self._stage.truth

@@ -173,7 +173,7 @@ def _there(work: Callable[[], _T]) -> _T:
     _jobs().put((job, work))
     try:
         return job.result()
-    except BaseException:
+    except BaseException:  # Ctrl-C while waiting: the picture is finished first
         wait([job])
         raise
 
@@ -194,6 +194,6 @@ def _draw(jobs: _Jobs) -> None:
         job, work = jobs.get()
         try:
             job.set_result(work())
-        except BaseException as error:
+        except BaseException as error:  # raised again in the thread that waits for it
             job.set_exception(error)
         del job, work  # pictures and worlds are not kept between jobs

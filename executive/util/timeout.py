@@ -90,7 +90,7 @@ class _Task:
         _here.task = self
         try:
             result = self._context.run(self._work)
-        except BaseException as error:
+        except BaseException as error:  # raised again in the thread that waits for it
             self.result.set_exception(error)
         else:
             self.result.set_result(result)

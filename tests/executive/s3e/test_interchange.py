@@ -139,7 +139,7 @@ def test_a_damaged_prediction_set_is_one_line(tmp_path: Path, old: str, new: str
 
 
 def test_s3e_reads_what_is_written_and_the_other_way_round(tmp_path: Path) -> None:
-    s3e = pytest.importorskip("s3e")
+    s3e = pytest.importorskip("s3e", reason="the extra s3e is not installed")
     told = {
         ON: Prediction("q", 0.6, 0.2, 0.0, 0.2),
         HELD: Prediction("r", 0.1, 0.1, 0.7, 0.1),
@@ -155,7 +155,7 @@ def test_s3e_reads_what_is_written_and_the_other_way_round(tmp_path: Path) -> No
 
 
 def test_a_profile_corrects_as_in_s3e(tmp_path: Path) -> None:
-    s3e = pytest.importorskip("s3e")
+    s3e = pytest.importorskip("s3e", reason="the extra s3e is not installed")
     rng = np.random.default_rng(0)
     samples = []
     for predicate in ("on(a,b)", "held(a)"):
@@ -201,7 +201,7 @@ class Fixed:
 
 
 def test_a_backend_of_either_side_serves_as_the_others() -> None:
-    s3e = pytest.importorskip("s3e")
+    s3e = pytest.importorskip("s3e", reason="the extra s3e is not installed")
     from PIL import Image as Picture
 
     said = {"Is a on b?": (0.6, 0.2), "Is a held?": (0.05, 0.9)}

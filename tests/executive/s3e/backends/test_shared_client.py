@@ -89,7 +89,8 @@ def real() -> Iterator[Address]:
 
 
 def assert_same(ours: list[Answer], theirs: list[Answer]) -> None:
-    """But for rounding: how many threads a library has added up with may differ between processes."""
+    """But for rounding, of 1e-6: where tests of whole runs came before in this process, sums differ by some 1e-7 from
+    those of a process that was just started. Within one process, and between clients, they are equal."""
     for one, other in zip(ours, theirs, strict=True):
         assert replace(one, yes_mass=0.0, no_mass=0.0) == replace(other, yes_mass=0.0, no_mass=0.0)
         assert (one.yes_mass, one.no_mass) == pytest.approx((other.yes_mass, other.no_mass), abs=2e-6)
