@@ -34,6 +34,9 @@ from executive.types import Atom, Belief, Condition, Facts, NoPlan, NoPlanReason
 
 PLAIN, WHOLE = MONITORS = ("plain threshold", "whole monitor")
 CORRELATION = 0.8
+MOST_KEPT = 5_000_000
+"""How many numbers a planner keeps of distances, and of states that should not be, before it begins to forget."""
+
 SETTINGS = {"max_cycles": 60, "max_actions": 40, "max_replans": 20, "max_looks": 150, "max_questions": 200}
 
 
@@ -128,28 +131,28 @@ class DrawnAnswers:
 
 
 class ListedPlanner:
-    """The shortest plan, by search backwards from the goal among listed states: those that the problem's initial state
-    leads to, or else those that the state to plan from leads to, as where each answer was thresholded."""
+    """The shortest plan, by search backwards from the goal among listed states: those that the actions lead to, or else
+    those that the state to plan from leads to, as where each answer was thresholded. What was worked out is kept, as
+    models see the same impossible states again and again."""
 
-    def __init__(self, schema: Schema, space: StateSpace) -> None:
-        self._schema, self._space = schema, space
-        self._moves = [(step, space.successors(step)) for step in steps(schema)]
+    def __init__(self, space: StateSpace, moves: Sequence[Step]) -> None:
+        self._space = space
+        self._moves = [(step, space.successors(step)) for step in moves]
         self._distances: dict[tuple[Condition, frozenset[Step]], np.ndarray[Any, Any]] = {}
+        self._elsewhere: dict[frozenset[Atom], ListedPlanner | None] = {}
 
     def plan(
         self, state: Facts, goal: Condition, avoid: frozenset[Step] = frozenset(), seconds: float = 10.0
     ) -> Plan | NoPlan:
         number = self._space.number(state.true)
         if number is None:
-            own = StateSpace.reachable(
-                self._space.atoms, [step for step, _ in self._moves], state.true, self._space.rules, most_work=1_000_000
-            )
-            if own is None:
-                return NoPlan(NoPlanReason.TIMED_OUT)
-            return ListedPlanner(self._schema, own).plan(state, goal, avoid)
+            other = self._for(state.true)
+            return NoPlan(NoPlanReason.TIMED_OUT) if other is None else other.plan(state, goal, avoid)
         moves = [(step, after) for step, after in self._moves if step not in avoid]
         key = goal, avoid
         if key not in self._distances:
+            if len(self._distances) * len(self._space) > MOST_KEPT:
+                del self._distances[next(iter(self._distances))]
             self._distances[key] = self._measured(goal, [after for _, after in moves])
         distance = self._distances[key]
         if distance[number] < 0:
@@ -164,9 +167,22 @@ class ListedPlanner:
             found.append(step)
         return Plan(tuple(found), float(len(found)), "listed", 0.0)
 
+    def _for(self, true: frozenset[Atom]) -> ListedPlanner | None:
+        """Return a planner for the states that this one leads to; None if there are too many."""
+        if true not in self._elsewhere:
+            moves = [step for step, _ in self._moves]
+            space = StateSpace.reachable(self._space.atoms, moves, true, self._space.rules, most_work=1_000_000)
+            planner = None if space is None else ListedPlanner(space, moves)
+            if planner is not None:
+                sizes = [len(each._space) for each in self._elsewhere.values() if each is not None]
+                if (sum(sizes) + len(planner._space)) * len(moves) > MOST_KEPT:
+                    self._elsewhere.clear()
+            self._elsewhere[true] = planner
+        return self._elsewhere[true]
+
     def _measured(self, goal: Condition, moves: Sequence[np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
         holds = self._space.holds(goal)
-        distance = np.where(holds, 0, -1)
+        distance = np.where(holds, 0, -1).astype(np.int16)
         reached, steps_away = holds, 0
         while reached.any():
             steps_away += 1
@@ -193,7 +209,7 @@ class Problems:
 
     def __init__(self, tasks: Tasks) -> None:
         self._tasks, self._known = tasks, dict[tuple[str, str], Problem]()
-        self._spaces: dict[bytes, tuple[StateSpace, MutexNetwork]] = {}
+        self._shared: dict[bytes, tuple[StateSpace, MutexNetwork, ListedPlanner]] = {}
 
     def of(self, run: Run) -> Problem:
         if run.unit not in self._known:
@@ -202,10 +218,11 @@ class Problems:
             space = StateSpace.reachable(task.atoms, moves, task.declared, task.derived)
             assert space is not None, "problems of this benchmark have few states"
             key = repr((space.atoms, moves)).encode() + space.packed.tobytes()
-            if key not in self._spaces:
-                self._spaces[key] = space, MutexNetwork(task.atoms, space.mutex_groups())
-            space, network = self._spaces[key]
-            self._known[run.unit] = Problem(schema, network, space, ListedPlanner(schema, space))
+            if key not in self._shared:
+                network = MutexNetwork(task.atoms, space.mutex_groups())
+                self._shared[key] = space, network, ListedPlanner(space, moves)
+            space, network, planner = self._shared[key]
+            self._known[run.unit] = Problem(schema, network, space, planner)
         return self._known[run.unit]
 
 

@@ -405,24 +405,34 @@ class BayesMonitor:
 
     def _seen(self, marginal: Mapping[Atom, float], asked: Mapping[Atom, Sequence[float]]) -> Facts:
         """Return the truth of the answered atoms at their thresholds, and what follows from it by the mutex groups,
-        and in the listed states."""
+        and in the listed states, about the others, as far as their own thresholds allow it. An answer too weak to count
+        neither tells anything nor keeps what the others tell from being seen."""
         answered = {atom for atom, values in asked.items() if max(map(abs, values)) >= LEAST_EVIDENCE}
         truth = {atom: self._truth(atom, marginal[atom]) for atom in answered}
         seen = {atom: value for atom, value in truth.items() if value is not None}
         for group in self.network.groups:
-            unseen = [atom for atom in group.atoms if atom not in asked and atom not in seen]
+            unseen = [atom for atom in group.atoms if atom not in seen]
+            follows: Mapping[Atom, bool] = {}
             if any(seen.get(atom) for atom in group.atoms):
-                seen.update(dict.fromkeys(unseen, False))
-            elif group.exact and len(unseen) == 1 and all(atom in seen for atom in group.atoms if atom != unseen[0]):
-                seen[unseen[0]] = True
+                follows = dict.fromkeys(unseen, False)
+            elif group.exact and len(unseen) == 1:
+                follows = {unseen[0]: True}
+            self._add(seen, follows, answered, marginal)
         if self.space is not None:
-            follows = self.space.common(seen)
-            seen |= {
-                atom: value
-                for atom, value in follows.items()
-                if atom not in answered and atom not in seen and self._truth(atom, marginal[atom]) is value
-            }
+            self._add(seen, self.space.common(seen), answered, marginal)
         return Facts(seen)
+
+    def _add(
+        self,
+        seen: dict[Atom, bool],
+        follows: Mapping[Atom, bool],
+        answered: Collection[Atom],
+        marginal: Mapping[Atom, float],
+    ) -> None:
+        """Add to `seen` what follows from it about atoms that were not answered."""
+        for atom, value in follows.items():
+            if atom not in answered and atom not in seen and self._truth(atom, marginal[atom]) is value:
+                seen[atom] = value
 
     def _state(self, best: frozenset[Atom], asked: Mapping[Atom, Sequence[float]], seen: Facts, known: Facts) -> Facts:
         """Return `Judgement.state`."""

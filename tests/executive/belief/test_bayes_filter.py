@@ -201,6 +201,30 @@ def test_what_follows_from_the_answers_by_the_groups_is_told_too() -> None:
     assert judgement.truth(FREE) is None
 
 
+def test_an_answer_too_weak_to_count_neither_settles_a_group_nor_keeps_it_from_being_settled() -> None:
+    where = {"cup": "desk", "jug": "rack", "pot": "tray"}
+    told = answers(truth(where).only([at("cup", "desk"), *map(held, THINGS)])).probability
+    weak = {at("cup", "rack"): 0.55, FREE: 0.45, at("jug", "rack"): 0.6, at("jug", "desk"): 0.4}
+    _, judgement = after(SURE, Belief(0, {**weak, **told}))
+    assert judgement.truth(at("cup", "rack")) is False, "as if nothing had been said of it"
+    assert judgement.truth(FREE) is True
+    assert judgement.truth(at("jug", "rack")) is None
+    assert judgement.truth(at("jug", "desk")) is None
+
+
+def test_what_follows_from_many_slight_doubts_is_not_seen() -> None:
+    """Each of the others is false at its threshold, and yet one of them may well be true."""
+    group = Group(tuple(at("cup", str(place)) for place in range(6)), exact=True)
+    monitor = BayesMonitor(MutexNetwork(group.atoms, (group,)), SensorModel(other=ErrorModel(0.3, 0.3)))
+    said = Belief(0, dict.fromkeys(group.atoms[1:], 0.0))
+    _, judgement = after(monitor, said)
+    assert judgement.seen.false == set(group.atoms[1:])
+    assert judgement.probability[group.atoms[0]] == pytest.approx(1.0 / (1.0 + 5 * 0.3 / 0.7))
+    assert judgement.truth(group.atoms[0]) is None
+    sure = BayesMonitor(monitor.network, EXACT)
+    assert after(sure, said)[1].truth(group.atoms[0]) is True
+
+
 def test_contradictions_are_named_with_both_answers_and_what_is_made_of_them() -> None:
     where = {"cup": "desk", "jug": "rack", "pot": "tray"}
     raw = Belief(7, {**answers(truth(where)).probability, at("cup", "rack"): 0.6, FREE: 0.2})
