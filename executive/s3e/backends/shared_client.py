@@ -25,6 +25,7 @@ from typing import Any, TypeAlias
 
 from executive.errors import ExecutiveError
 from executive.s3e.backends.interface import YES_NO, Answer, AnswerWords, Numerals, Words
+from executive.s3e.backends.wire import receive, send
 from executive.types import Image
 
 ENDED = "the process that holds the model has ended (was there enough memory?)"
@@ -219,9 +220,9 @@ def _speak(connection: Connection, waiting: _Waiting) -> None:
         while (item := waiting.get()) is not None:
             message, reply = item
             try:
-                connection.send(message)
+                send(connection, message)
                 if reply is not None:
-                    fine, value = connection.recv()
+                    fine, value = receive(connection)
                     if fine:
                         reply.set_result(value)
                     else:

@@ -29,6 +29,7 @@ from executive.errors import ExecutiveError, InputError
 from executive.s3e.backends.interface import Backend, CountingBackend, Look, Numerals
 from executive.s3e.backends.shared_client import Address, Ask, Count, Free, Open, Take
 from executive.s3e.backends.transformers_backend import TransformersBackend
+from executive.s3e.backends.wire import receive, send
 from executive.util.processes import block_signals, exit_with_parent
 from executive.util.threads import shared_by
 
@@ -183,11 +184,12 @@ class _Holder:
         try:
             with connection, suppress(EOFError, OSError):
                 while True:
-                    message = connection.recv()
+                    message = receive(connection)
                     if isinstance(message, Free):
                         visitor.looks.pop(message.look, None)
                     else:
-                        connection.send(self._reply(visitor, message))
+                        send(connection, self._reply(visitor, message))
+                    del message  # pictures are the look's from here on
         finally:
             self._visitors.remove(visitor)
 
