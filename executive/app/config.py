@@ -262,6 +262,12 @@ class RunConfig:
             most=50,
         ),
     ] = 5.0
+    marks: Annotated[
+        bool,
+        Option(
+            "With --poses depth: draw tags beside identical things into the pictures, and have the model asked by them."
+        ),
+    ] = False
     max_replans: Annotated[int | None, Option(_LIMIT, least=0)] = None
     max_actions: Annotated[int | None, Option(_LIMIT, least=1)] = None
     max_cycles: Annotated[int | None, Option(_LIMIT, least=1)] = None
@@ -308,6 +314,8 @@ class RunConfig:
                 raise OptionError(f"goes with `world` {SYMBOLIC_WORLD}", option=name)
         if is_symbolic and self.poses != ORACLE_POSES:
             raise OptionError("the symbolic world has no poses to estimate", option="poses")
+        if self.marks and not (self.poses == DEPTH and self.estimator == "vlm"):
+            raise OptionError("goes with `poses` depth and `estimator` vlm", option="marks")
         if is_symbolic and self.renderer is not None:
             raise OptionError("the symbolic world has no pictures to draw", option="renderer")
         if is_symbolic and self.estimator == "vlm":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from executive.app.identity import names_identical
+from executive.app.identity import names_identical, over_identities
 from executive.belief import ErrorModel, SensorModel, WitnessModel
 from executive.perception import EstimatedScenes
 from executive.relations.kinds import RelationKind
@@ -32,8 +32,9 @@ class DepthWitness:
         world: a simulated world whose poses are estimated.
         scenes: draws scenes by what is estimated.
         kinds: the relation of each predicate.
-        identical: the names of items that nothing tells apart, in groups. What is asked about them, their tracks
-            answer (`executive.app.identity`).
+        identical: the names of items that nothing tells apart, in groups.
+        marked: a model answers what is asked about these, by their tags, and depth testifies of it; otherwise their
+            tracks answer it (`executive.app.identity`).
     """
 
     name = NAME
@@ -44,14 +45,19 @@ class DepthWitness:
         scenes: EstimatedScenes,
         kinds: Mapping[str, RelationKind],
         identical: Sequence[Sequence[str]] = (),
+        marked: bool = False,
     ) -> None:
-        self._world, self._kinds, self._identical = world, kinds, identical
+        self._world, self._kinds, self._identical, self._is_marked = world, kinds, identical, marked
         self._scenes: EstimatedScenes | None = scenes
         self._items = set(world.items)
 
     def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
-        """Return how probable atoms are that are not about identical items."""
-        return self.told([atom for atom in atoms if not names_identical(atom, self._identical)])
+        """Return how probable atoms are; those about identical items only where these are marked."""
+        about_twins = [atom for atom in atoms if names_identical(atom, self._identical)]
+        told = dict(self.told([atom for atom in atoms if atom not in about_twins]))
+        if self._is_marked and about_twins and self._world.localizer is not None:
+            told |= over_identities(about_twins, self.told, self._world.localizer.now(), self._identical)
+        return told
 
     def told(self, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
         """Return the share of the scenes that are drawn from what is estimated in which each atom is true, if items are

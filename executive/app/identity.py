@@ -24,9 +24,9 @@ DECIDED = 0.1
 _SURE = 0.99
 """The most that is ever said for an atom."""
 
-Told = Callable[[Sequence[Atom]], Mapping[Atom, float]]
-"""How probable atoms are where things are estimated to be, if each is what it goes by. Atoms of which nothing can be
-said are left out."""
+Told = Callable[[Observation, Sequence[Atom]], Mapping[Atom, float]]
+"""How probable atoms are at a moment, if each thing is what it goes by: where things are estimated to be, or by a model
+that sees their tags. Atoms of which nothing can be said are left out."""
 
 
 def names_identical(atom: Atom, identical: Collection[Sequence[str]]) -> bool:
@@ -39,12 +39,17 @@ def answered_by_tracks(
     localize: Callable[[], PosesEstimated],
     told: Told,
     identical: Sequence[Sequence[str]],
+    undecided: bool = False,
 ) -> Estimator:
     """Return an estimator that answers what is about identical things by their tracks, and has `estimator` answer the
-    rest."""
+    rest.
+
+    Args:
+        undecided: see `over_identities`.
+    """
     asking: object = estimator  # whether it asks in words is for the running program to find out
     kind = _AskingTracks if isinstance(asking, Asking) else _Tracks
-    return kind(estimator, localize, told, identical)
+    return kind(estimator, localize, told, identical, undecided)
 
 
 def trusting_tracks(monitor: Monitor, identical: Sequence[Sequence[str]]) -> Monitor:
@@ -56,6 +61,38 @@ def trusting_tracks(monitor: Monitor, identical: Sequence[Sequence[str]]) -> Mon
     return replace(monitor, sensor_model=replace(sensor, atoms={**sensor.atoms, **mine}))
 
 
+def asked_by_tags(estimator: Estimator) -> Told:
+    """Return what has an estimator, which is shown the tags, answer about the things that go by them."""
+    return lambda observation, atoms: estimator.estimate(observation, atoms).probability
+
+
+def over_identities(
+    atoms: Sequence[Atom],
+    told: Callable[[Sequence[Atom]], Mapping[Atom, float]],
+    estimate: PosesEstimated,
+    identical: Sequence[Sequence[str]],
+    undecided: bool = False,
+) -> dict[Atom, float]:
+    """Return how probable atoms about identical things are, over everything that each of these may be.
+
+    Args:
+        told: how probable atoms are if each thing is what it goes by; what cannot be told is left out.
+        estimate: has the probability that a thing is the one that it goes by.
+        undecided: return what decides nothing, too, where that is not for doubt about which thing is which: a model's
+            doubt is a part of its answer.
+    """
+    ways = {atom: _ways(atom, estimate, identical) for atom in atoms}
+    probability = told(sorted({meant for each in ways.values() for meant in each}))
+    found = {}
+    for atom, each in ways.items():
+        least = sum(chance * probability.get(meant, 0.0) for meant, chance in each.items())
+        most = least + sum(chance for meant, chance in each.items() if meant not in probability)
+        is_decided = most <= DECIDED or least >= 1.0 - DECIDED
+        if is_decided or (undecided and most - least <= DECIDED and max(each.values()) >= 1.0 - DECIDED):
+            found[atom] = min(_SURE, max(1.0 - _SURE, 0.5 * (least + most)))
+    return found
+
+
 class _Tracks:
     def __init__(
         self,
@@ -63,8 +100,9 @@ class _Tracks:
         localize: Callable[[], PosesEstimated],
         told: Told,
         identical: Sequence[Sequence[str]],
+        undecided: bool,
     ) -> None:
-        self._estimator, self._localize, self._tell = estimator, localize, told
+        self._estimator, self._localize, self._tell, self._undecided = estimator, localize, told, undecided
         self._identical = [tuple(names) for names in identical]
 
     @property
@@ -77,25 +115,14 @@ class _Tracks:
             return self._estimator.estimate(observation, atoms)
         others = [atom for atom in atoms if atom not in mine]
         rest = self._estimator.estimate(observation, others) if others else Belief(observation.id, {}, source=self.name)
-        answers = self._answers(mine)
+        answers = over_identities(
+            mine, lambda asked: self._tell(observation, asked), self._localize(), self._identical, self._undecided
+        )
         return replace(
             rest,
             probability={**rest.probability, **answers},
             unanswered=rest.unanswered | frozenset(mine).difference(answers),
         )
-
-    def _answers(self, atoms: Sequence[Atom]) -> dict[Atom, float]:
-        estimate = self._localize()
-        ways = {atom: _ways(atom, estimate, self._identical) for atom in atoms}
-        asked = sorted({meant for each in ways.values() for meant in each})
-        probability = self._tell(asked)
-        found = {}
-        for atom, each in ways.items():
-            least = sum(chance * probability.get(meant, 0.0) for meant, chance in each.items())
-            most = least + sum(chance for meant, chance in each.items() if meant not in probability)
-            if most <= DECIDED or least >= 1.0 - DECIDED:
-                found[atom] = min(_SURE, max(1.0 - _SURE, 0.5 * (least + most)))
-        return found
 
 
 class _AskingTracks(_Tracks):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from executive.app.assembly import make_executive
 from executive.app.config import CONFIG, DEPTH, EstimatorConfig, RunConfig, check_folder, make_folder, read_config
 from executive.app.estimators import open_estimator, with_default_model
-from executive.app.identity import answered_by_tracks, trusting_tracks
+from executive.app.identity import answered_by_tracks, asked_by_tags, trusting_tracks
 from executive.app.monitors import open_monitor
 from executive.app.planners import open_planner
 from executive.app.resume import PastRun
@@ -31,7 +31,7 @@ from executive.faults import (
     faulty_world,
 )
 from executive.planning.feasible import FeasiblePlanner
-from executive.protocols import Planner, Preparing, Recalling, Sink
+from executive.protocols import Planner, Preparing, Recalling, Sink, World
 from executive.relations.kinds import RelationKind, read_relation_kinds
 from executive.trace.record import monitor_file
 from executive.trace.record.frames import FrameLog
@@ -187,7 +187,7 @@ class Run:
         identical: Sequence[Sequence[str]] = ()
         if config.poses == DEPTH:
             self._depth, identical = self._estimate_poses(faults)
-        if self.monitor is not None and identical:
+        if self.monitor is not None and identical and not config.marks:
             self.monitor = trusting_tracks(self.monitor, identical)
         recorders: list[Sink] = [
             Snapshots(self.folder, self.world, self._stop_recording_failed),
@@ -211,13 +211,20 @@ class Run:
             if self._depth is not None and identical:
                 from executive.app.localizer import localize
 
-                estimator = answered_by_tracks(estimator, localize(self.world), self._depth.told, identical)
+                depth = self._depth
+                estimator = answered_by_tracks(
+                    estimator,
+                    localize(self.world),
+                    asked_by_tags(estimator) if config.marks else lambda _, atoms: depth.told(atoms),
+                    identical,
+                    undecided=config.marks,
+                )
         skills, moves = self._stage.skills, self._stage.moves
         preparing = [each for each in (*skills.values(), *moves.values(), self.world) if isinstance(each, Preparing)]
         return make_executive(
             self.domain.task,
             limit_planner(faulty_planner(self._feasible(planner), faults), config.patience),
-            faulty_world(self.world, faults),
+            faulty_world(self._observed(vlm, identical), faults),
             limit_skills(faulty_skills(skills, faults), config.patience, left=self._seconds_left),
             None
             if estimator is None
@@ -259,7 +266,17 @@ class Run:
         from executive.app.localizer import estimate_poses
 
         scenes, identical = estimate_poses(self.world, faults, self._stage.placed, self.config.film)
-        return DepthWitness(self.world, scenes, self._relation_kinds(), identical), identical
+        return DepthWitness(self.world, scenes, self._relation_kinds(), identical, self.config.marks), identical
+
+    def _observed(self, vlm: S3E | None, identical: Sequence[Sequence[str]]) -> World:
+        """Return the world as it is observed: with tags in its pictures, if these are asked for."""
+        world: World = self.world
+        if not self.config.marks:
+            return world
+        from executive.app.marks import mark
+
+        assert vlm is not None  # RunConfig has checked it
+        return mark(world, self.world.localizer, vlm, self.domain.subject, identical)
 
     def _relation_kinds(self) -> Mapping[str, RelationKind]:
         return read_relation_kinds(self.domain.relations, self.domain.task.parameters, self.domain.files[0])

@@ -199,7 +199,7 @@ class Localizer:
         """Whether an identical item is there already: something cuts it in two clusters, and each was taken for one."""
         twins = next((names for names in self.identical if match.model.name in names), ())
         width = _OVERLAPPING * 2.0 * float(match.model.half.min())
-        centres = [self._centre(name, found[name]) for name in twins if name in found]
+        centres = [self.centre(name, found[name]) for name in twins if name in found]
         return any(float(np.linalg.norm(match.translation - centre)) < width for centre in centres)
 
     def _tell_apart(
@@ -211,14 +211,15 @@ class Localizer:
             mine = {name: found.pop(name) for name in names if name in found}
             held = {name: pose for name, pose in mine.items() if pose.source == "held"}
             loose = [pose for name, pose in mine.items() if name not in held]
-            at = np.array([self._centre(names[0], pose) for pose in loose]).reshape(-1, 3)
-            named = tracks.update(time, at, {name: self._centre(name, pose) for name, pose in held.items()})
+            at = np.array([self.centre(names[0], pose) for pose in loose]).reshape(-1, 3)
+            named = tracks.update(time, at, {name: self.centre(name, pose) for name, pose in held.items()})
             found |= held | dict(zip(named.labels, loose, strict=True))
             earlier = {name: before.pop(name, None) for name in names}
             before |= {now: pose for now, then in named.formerly.items() if (pose := earlier[then]) is not None}
         return found, before
 
-    def _centre(self, name: str, pose: EstimatedPose) -> FloatArray:
+    def centre(self, name: str, pose: EstimatedPose) -> FloatArray:
+        """The middle (3,) of an item in this pose, in m, world frame."""
         body = matrix(pose.pose)
         return np.asarray(body[:3, :3] @ self._models[name].centre + body[:3, 3])
 

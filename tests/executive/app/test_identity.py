@@ -37,7 +37,7 @@ class AskingModel(Model):
     questions = Questions({EMPTY: "Is the hand empty?"}, "", "test")
 
 
-def told(atoms: Sequence[Atom]) -> dict[Atom, float]:
+def told(_: Observation, atoms: Sequence[Atom]) -> dict[Atom, float]:
     """Each is on its own table, if it is what it goes by."""
     return {atom: float(PLACES[atom.args[0]][atom.args[0]] == atom) for atom in atoms}
 
@@ -82,8 +82,8 @@ def test_labels_that_were_exchanged_are_where_they_went() -> None:
 
 
 def test_what_is_hidden_is_not_told_unless_it_decides_nothing() -> None:
-    def some(atoms: Sequence[Atom]) -> dict[Atom, float]:
-        return {atom: value for atom, value in told(atoms).items() if atom.args[0] != "can-c"}
+    def some(look: Observation, atoms: Sequence[Atom]) -> dict[Atom, float]:
+        return {atom: value for atom, value in told(look, atoms).items() if atom.args[0] != "can-c"}
 
     estimate = PosesEstimated({}, identity=sure(0.97))
     belief = answered_by_tracks(Model(), lambda: estimate, some, [CANS]).estimate(LOOK, ATOMS)
@@ -92,11 +92,28 @@ def test_what_is_hidden_is_not_told_unless_it_decides_nothing() -> None:
     assert belief.probability[LEFT["can-a"]] > 0.9
 
 
+def by_tags(identity: Mapping[str, Mapping[str, float]], doubt: float) -> Belief:
+    """The answers of a model that sees tags, and doubts what is on the left table."""
+
+    def said(_: Observation, atoms: Sequence[Atom]) -> dict[Atom, float]:
+        return {atom: doubt if atom in LEFT.values() else value for atom, value in told(LOOK, atoms).items()}
+
+    estimate = PosesEstimated({}, identity=identity)
+    return answered_by_tracks(Model(), lambda: estimate, said, [CANS], undecided=True).estimate(LOOK, ATOMS)
+
+
+def test_a_doubt_of_the_model_is_told_and_one_about_labels_is_none() -> None:
+    assert by_tags(sure(1.0), 0.4).probability[LEFT["can-a"]] == pytest.approx(0.4)
+    assert not by_tags(sure(1.0), 0.4).unanswered
+    assert LEFT["can-a"] in by_tags(sure(0.6), 0.4).unanswered
+    assert MIDDLE["can-b"] not in by_tags(sure(0.6), 0.4).unanswered
+
+
 def test_no_two_labels_of_one_atom_are_the_same_thing() -> None:
     beside = Atom("beside", ("can-a", "can-c"))
     asked: list[Atom] = []
 
-    def say(atoms: Sequence[Atom]) -> dict[Atom, float]:
+    def say(_: Observation, atoms: Sequence[Atom]) -> dict[Atom, float]:
         asked.extend(atoms)
         return dict.fromkeys(atoms, 1.0)
 
