@@ -167,17 +167,19 @@ def train(
     config: TrainConfig,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
 ) -> int:
-    """Train a vision-language model for this domain on simulated pictures alone; takes a night."""
+    """Train a vision-language model for this domain on simulated pictures alone; says first how long that takes."""
     from executive.util import requirements
 
     requirements.require()
 
-    from executive.lab.common.progress import show_stages
+    from executive.lab.common.progress import expected, show_stages
     from executive.lab.training.train import Training
 
     training = Training(config)
+    if not training.is_measured:
+        print("measuring how fast this machine is", file=sys.stderr, flush=True)
     with ctrl_c(training.cancel, SECONDS_TO_LEAVE) as interrupted, show_stages(sys.stderr) as watch:
-        model = training.run(watch)
+        model = training.run(watch, lambda seconds: print(expected(seconds), file=sys.stderr, flush=True))
     if model is None:
         print(f"interrupted; everything is kept, continue with: {config.command}", file=sys.stderr)
         return interrupted.code

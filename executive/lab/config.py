@@ -125,6 +125,8 @@ class TrainConfig:
     """The options of a training.
 
     Attributes:
+        start: the folder of a trained model that the training starts from, or the name of one that comes along.
+        minutes: all of the training is shortened to fit into this on this machine, as measured at its start.
         jobs: the number of processes that draw pictures and of threads that train, on which the model depends by
             rounding alone.
 
@@ -138,6 +140,13 @@ class TrainConfig:
     recipe: Annotated[
         str, Option("The size of the model and of the training: small, or smallest to try it out.", choices=RECIPES)
     ] = "small"
+    start: Annotated[
+        str | None,
+        Option("Start from a trained model, in a third of the time: its folder, or grocery-eye.", flag="--from"),
+    ] = None
+    minutes: Annotated[
+        float | None, Option("Shorten it to fit into so many minutes on this machine.", least=1, most=100_000)
+    ] = None
     seed: Annotated[int, Option("Fixes everything but rounding.", least=0)] = 0
     jobs: Annotated[int | None, Option("Processes and threads; all cores if not given.", least=1)] = None
 

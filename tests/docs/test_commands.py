@@ -36,6 +36,7 @@ INSTEAD = {
     "--points 2000": "--points 2",
     "--alpha 0.05": "--alpha 0.5",  # all that two looks can promise
     "train grocery": "train grocery --recipe smallest --jobs 1",
+    "train workshop --from grocery": "train grocery --recipe smallest --jobs 1",
     "benchmarks/campaigns/grasp-drop.toml": "small.toml",
     "benchmarks/campaigns/blocksworld.toml": "small.toml",
     "campaigns/grasp-drop": "campaigns/small",

@@ -112,6 +112,12 @@ def show_stages(stream: TextIO) -> Iterator[Callable[[Stage], None]]:
         yield tell
 
 
+def expected(seconds: Mapping[str, float]) -> str:
+    """A line with the expected time of all stages, and of each."""
+    each = ", ".join(f"{stage} {_clock(value)}" for stage, value in seconds.items())
+    return f"all of it takes about {_clock(sum(seconds.values()))} here ({each})"
+
+
 def _left(now: Stage) -> str:
     left = "" if now.left is None else f"about {_clock(now.left)} left in all"
     return f"{left}  {now.metrics}".strip()

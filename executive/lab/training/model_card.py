@@ -25,7 +25,7 @@ A vision-language model of {millions:.1f} million parameters that answers yes/no
 simulated scene: `{name}`. It is a `FastVlmForConditionalGeneration` (a ResNet, and a Qwen2 of {layers} layers,
 {hidden} wide) that `AutoModelForImageTextToText.from_pretrained` loads without any code but that of transformers.
 
-It is **in-domain, not zero-shot**: it was trained from scratch on pictures of this scene alone, and knows these items,
+It is **in-domain, not zero-shot**: it was trained {start} on pictures of this scene alone, and knows these items,
 these {cameras} cameras in this order, and questions about {atoms} atoms. Its answers about anything
 else mean nothing.
 
@@ -52,8 +52,11 @@ probabilities of *yes* and *no*. `executive run {name} --vlm FOLDER` does that, 
 """
 
 
-def render(domain: Domain, preset: Preset, cameras: int, parameters: int, seed: int, command: str) -> str:
-    """The text of the card, without the results of an evaluation."""
+def render(
+    domain: Domain, preset: Preset, cameras: int, parameters: int, seed: int, command: str, start: str | None = None
+) -> str:
+    """The text of the card, without the results of an evaluation. `start` is the name of the model that the training
+    started from."""
     numbers: Mapping[str, Any] = {
         "title": domain.title,
         "name": domain.name,
@@ -64,6 +67,7 @@ def render(domain: Domain, preset: Preset, cameras: int, parameters: int, seed: 
         "cameras": cameras,
         "atoms": len(domain.task.atoms),
         "command": command,
+        "start": "from scratch" if start is None else f"from the weights of `{start}`",
         "moments": preset.shards * preset.moments,
         "tower": preset.tower.steps,
         "language": preset.language.steps,

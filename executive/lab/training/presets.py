@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 STRIDE = 32
 """The side of a cell of the vision encoder's grid, in pixels."""
@@ -50,6 +50,11 @@ class Schedule:
     decay: float = 0.05
     clip: float = 1.0
 
+    def scaled(self, share: float) -> Schedule:
+        """The same schedule over a share of the steps, at least one if there were any."""
+        steps = max(min(self.steps, 1), round(share * self.steps))
+        return replace(self, steps=steps, warm=max(1, min(self.warm, steps // 4)))
+
     def at(self, step: int) -> float:
         """The learning rate at a step."""
         rise = min(1.0, (step + 1) / self.warm)
@@ -77,20 +82,59 @@ class Preset:
     align: int = 120
     vocabulary: int = 1200
 
-    def efforts(self, cameras: int) -> dict[str, float]:
-        """The expected core seconds of each stage, in order. Only their ratios matter."""
-        seen, read = cameras * self.scenes * _SEEN, self.scenes * self.questions * _READ
-        return {
-            "pictures": self.shards * self.moments * cameras * _DRAWN,
-            "tower": self.tower.steps * self.batch * _SEEN,
-            "language": self.language.steps * read,
-            "together": self.together.steps * (seen + read),
-            "fewer": self.fewer.steps * (0.8 * seen + read),
-        }
+    def scaled(self, share: float) -> Preset:
+        """The same training with a share of the pictures and of the steps of each stage."""
+        return replace(
+            self,
+            shards=max(1, round(share * self.shards)),
+            align=max(1, round(share * self.align)),
+            **{stage: getattr(self, stage).scaled(share) for stage in ("tower", "language", "together", "fewer")},
+        )
+
+    def warmed(self, cameras: int) -> Preset:
+        """The training that starts from a model that was trained before. What is new to that is this domain's
+        pictures and words, and not how to see and to look words up. With one camera there is no subset to train on."""
+        shorter = {stage: getattr(self, stage).scaled(share) for stage, share in _WARM.items()}
+        if cameras == 1:
+            shorter["fewer"] = replace(self.fewer, steps=0)
+        return replace(self, shards=max(1, round(_WARM["together"] * self.shards)), **shorter)
+
+    def efforts(self, pace: Pace) -> dict[str, float]:
+        """The expected seconds of each stage that has any steps, in order."""
+        steps = {name: getattr(self, name).steps for name in ("tower", "language", "together", "fewer")}
+        drawn = {"pictures": self.shards * self.moments * pace.moment}
+        return drawn | {name: count * getattr(pace, name) for name, count in steps.items() if count}
+
+    def fitted(self, pace: Pace, seconds: float) -> Preset:
+        """The same training, shortened until all of it fits into `seconds`.
+
+        Raises:
+            ValueError: nothing is left of it then.
+        """
+        share = min(1.0, seconds / sum(self.efforts(pace).values()))
+        if share < _LEAST_SHARE:
+            raise ValueError(f"of what it needs, only {share:.1%} would be left")
+        return self if share == 1.0 else self.scaled(share)
 
 
-_DRAWN, _SEEN, _READ = 0.028, 0.019, 0.0029
-"""Measured core seconds per picture drawn, per picture of a training step, and per question of a training step."""
+_WARM = {"tower": 0.3, "language": 0.4, "together": 0.4, "fewer": 0.4}
+"""The share of the steps of each stage that a training takes which does not start from nothing."""
+
+_LEAST_SHARE = 0.05
+"""Of a training, below which there is no point in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How long a machine takes, in seconds: to draw a moment (all cameras, all processes at work), and for a step of
+    each stage."""
+
+    moment: float
+    tower: float
+    language: float
+    together: float
+    fewer: float
+
 
 PRESETS = {
     "small": Preset(),

@@ -19,7 +19,7 @@ import torch
 from torch.nn import functional
 
 from executive.domain.loader import Domain
-from executive.lab.training import decoder, image_shards, network, tokenizer, vision_encoder
+from executive.lab.training import decoder, image_shards, network, tokenizer, vision_encoder, warm_start
 from executive.lab.training.label_space import LabelSpace
 from executive.lab.training.optimiser import Metrics, Report, train_stage
 from executive.lab.training.presets import Preset, Schedule
@@ -49,9 +49,12 @@ class Trainer:
 
     Args:
         seed: fixes everything.
+        start: the folder of a trained model whose weights are the first ones.
     """
 
-    def __init__(self, domain: Domain, preset: Preset, seed: int, wordings: Path | None = None) -> None:
+    def __init__(
+        self, domain: Domain, preset: Preset, seed: int, wordings: Path | None = None, start: Path | None = None
+    ) -> None:
         torch.manual_seed(seed)
         self.preset, self.seed, self.domain = preset, seed, domain
         self.labels = LabelSpace.of(domain)
@@ -67,6 +70,8 @@ class Trainer:
         self.systems = [("", 0.45), (prompts.QUESTION_ANSWERING, 0.3), (instructed, 0.25)]
         self.tokenizer = tokenizer.make_tokenizer(self._corpus([instructed, untranslated]), preset.vocabulary)
         self.model = network.build(preset.size, self.tokenizer)
+        if start is not None:
+            warm_start.load(self.model, self.tokenizer, start)
         self.dense = vision_encoder.Dense(preset.size, self.labels)
         self.codes = decoder.CellEmbeddings(self.model, self.tokenizer, self.labels, self.wordings)
         self.probe = decoder.Probe(preset.size, self.labels)
@@ -88,22 +93,31 @@ class Trainer:
             *(5 * [*texts, *QuestionSampler.corpus(self.labels), *named, *map(str, self.domain.task.atoms)]),
         ]
 
+    def pool(self, folder: Path) -> ShardPool:
+        """The pictures in a folder of shards."""
+        return ShardPool(folder)
+
     # Stage 2.
 
     def train_vision_encoder(self, folder: Path, file: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
         """Trains the vision encoder on the shards in `folder`."""
-        pool, preset = ShardPool(folder), self.preset
+        pool, preset = self.pool(folder), self.preset
         encoder = self.model.model.vision_tower.to(memory_format=torch.channels_last)
 
         def step_loss(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
-            raw, masks, facts = pool.single(preset.batch, rng)
-            last, before = vision_encoder.features(encoder, vision_encoder.prepared(raw, rng).to(self.device))
-            loss, metrics = self.dense(last, before, torch.from_numpy(masks), torch.from_numpy(facts))
-            return loss, metrics
+            return self.vision_loss(pool, rng)
 
         parts = {"tower": encoder, "dense": self.dense}
         encoder.train()
         train_stage("tower", file, parts, preset.tower, step_loss, self.seed, watch, stopped)
+
+    def vision_loss(self, pool: ShardPool, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
+        """The loss of the dense labels on single pictures."""
+        raw, masks, facts = pool.single(self.preset.batch, rng)
+        pictures = vision_encoder.prepared(raw, rng).to(self.device)
+        last, before = vision_encoder.features(self.model.model.vision_tower, pictures)
+        loss, metrics = self.dense(last, before, torch.from_numpy(masks), torch.from_numpy(facts))
+        return loss, metrics
 
     # Stage 3.
 
@@ -111,30 +125,36 @@ class Trainer:
         self, states: np.ndarray[Any, Any], file: Path, watch: Watch, stopped: Callable[[], bool]
     ) -> None:
         """Trains the decoder on synthetic scenes, whose states are drawn from `states` (N, A)."""
-        preset, sampler = self.preset, self.sampler
+        preset = self.preset
 
         def step_loss(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
-            facts, shown = decoder.SyntheticScenes(self.labels, states, rng).scenes(preset.scenes)
-            sampler.reseed(int(rng.integers(2**31)))
-            asked = sampler.ask(facts, shown.shape[1], preset.questions, max(0.1, 0.6 - step / 400))
-            tokens = self.codes(shown.to(self.device))
-            tokens = tokens + 0.05 * torch.randn_like(tokens)
-            return self._question_loss(tokens, asked)
+            return self.language_loss(states, rng, max(0.1, 0.6 - step / 400))
 
         parts = {"decoder": self.model.model.language_model, "codes": self.codes, "probe": self.probe}
         self.model.train()
         train_stage("language", file, parts, preset.language, step_loss, self.seed + 1, watch, stopped)
 
+    def language_loss(
+        self, states: np.ndarray[Any, Any], rng: np.random.Generator, open_share: float
+    ) -> tuple[torch.Tensor, Metrics]:
+        """The loss of answers on synthetic scenes."""
+        facts, shown = decoder.SyntheticScenes(self.labels, states, rng).scenes(self.preset.scenes)
+        self.sampler.reseed(int(rng.integers(2**31)))
+        asked = self.sampler.ask(facts, shown.shape[1], self.preset.questions, open_share)
+        tokens = self.codes(shown.to(self.device))
+        tokens = tokens + 0.05 * torch.randn_like(tokens)
+        return self._question_loss(tokens, asked)
+
     # Stages 4 and 5.
 
     def train_jointly(self, folder: Path, file: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
         """Trains all parts on pictures and questions."""
-        pool, preset = ShardPool(folder), self.preset
+        pool, preset = self.pool(folder), self.preset
 
         def step_loss(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
             if step < preset.align:
                 return self._alignment_loss(pool, rng)
-            return self._answer_loss(pool, rng, 0.3 * max(0.0, 1.0 - 2.0 * step / preset.together.steps))
+            return self.answer_loss(pool, rng, 0.3 * max(0.0, 1.0 - 2.0 * step / preset.together.steps))
 
         self._train_all("together", file, preset.together, step_loss, self.seed + 2, watch, stopped)
 
@@ -144,7 +164,7 @@ class Trainer:
         pool = ShardPool(folder)
 
         def step_loss(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
-            return self._answer_loss(pool, rng, 0.0, fewer=True)
+            return self.answer_loss(pool, rng, 0.0, fewer=True)
 
         self._train_all("fewer", file, self.preset.fewer, step_loss, self.seed + 3, watch, stopped)
 
@@ -175,7 +195,7 @@ class Trainer:
         scenes = self._encoded(pool, rng, None, learning=False)
         return scenes.apart, {"apart": float(scenes.apart.detach())}
 
-    def _answer_loss(
+    def answer_loss(
         self, pool: ShardPool, rng: np.random.Generator, share: float, fewer: bool = False
     ) -> tuple[torch.Tensor, Metrics]:
         """The loss of answers on pictures. `share` is the weight of the tokens' distance from their codes."""

@@ -1,5 +1,8 @@
 """Training of a vision-language model for a domain (`executive train`): runs all stages of a preset, and resumes.
 
+How long it takes is measured first, by a few steps; where it has to fit into a budget, that decides the number of
+steps, once: what was decided is kept in the folder.
+
 The training folder holds everything: the pictures, the last checkpoint of each stage, and at the end the model. A
 finished stage is not run again. Several processes draw the pictures; each shard depends on the seed and its own number
 alone.
@@ -10,7 +13,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -18,23 +21,29 @@ from typing import TYPE_CHECKING, Any
 
 from executive.app.worlds import checked_stage
 from executive.domain.loader import Domain, load_domain
-from executive.errors import ExecutiveError, InputError
+from executive.errors import ExecutiveError, InputError, OptionError
 from executive.lab.collection import dataset
 from executive.lab.common.folder_lock import lock, remove_partial
 from executive.lab.common.process_pool import ProcessPool, WorkerLostError, run_jobs
 from executive.lab.common.progress import RemainingTime, Stage
 from executive.lab.config import TrainConfig
-from executive.lab.training.presets import PRESETS, Preset
+from executive.lab.training import warm_start
+from executive.lab.training.presets import PRESETS, Pace, Preset
 from executive.sim.spec import read_scene
+from executive.trace.record.codec import decode
 from executive.util.files import read_json
 
 if TYPE_CHECKING:
+    from executive.lab.training import pace
     from executive.lab.training.optimiser import Report
+    from executive.lab.training.stages import Trainer
 
-MANIFEST, PICTURES, MODEL = "training.json", "pictures", "model"
-
+MANIFEST, PACE, PICTURES, MODEL = "training.json", "pace.json", "pictures", "model"
 
 Watch = Callable[[Stage], None]
+
+_MARGIN = 0.9
+"""The share of a budget that is planned for: a training also saves, loads and writes."""
 
 
 class Training:
@@ -47,29 +56,47 @@ class Training:
 
     def __init__(self, config: TrainConfig) -> None:
         self.config = config
-        self.preset: Preset = PRESETS[config.recipe]
+        self._whole: Preset = PRESETS[config.recipe]
         self.domain: Domain = load_domain(config.domain, config.problem)
         checked_stage(self.domain)
         self.cameras = len(read_scene(self.domain.scene).cameras)
-        self._remaining = RemainingTime(self.preset.efforts(self.cameras))
+        self._start = None if config.start is None else warm_start.find(config.start)
+        if self._start is not None:
+            warm_start.check(self._start, self._whole.size, config.recipe)
+            self._whole = self._whole.warmed(self.cameras)
         self._cancelled = False
         self._check_folder()
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether it was measured before how fast this machine is."""
+        return (self.config.out / PACE).is_file()
 
     def cancel(self) -> None:
         """Makes `run` save everything and stop soon. It sets a flag: safe from any thread and signal handler."""
         self._cancelled = True
 
-    def run(self, watch: Watch = lambda stage: None) -> Path | None:
+    def run(
+        self, watch: Watch = lambda stage: None, tell: Callable[[Mapping[str, float]], None] = lambda seconds: None
+    ) -> Path | None:
         """Trains to the end, and returns the folder of the model; None when cancelled.
 
+        Args:
+            tell: receives the expected seconds of each stage, before the first one.
+
         Raises:
-            InputError: another process trains in the folder, or it cannot be written to.
+            InputError: another process trains in the folder, it cannot be written to, or the budget is too small.
         """
         from executive.lab.training.optimiser import CancelledError
 
         held = lock(self.config.out, "training", self.config.command)
         try:
             remove_partial(self.config.out, self.config.out / PICTURES)
+            pace = self._pace()
+            self.preset = self._fitted(pace)
+            efforts = self.preset.efforts(pace)
+            self._remaining = RemainingTime(efforts)
+            tell(efforts)
             self._draw(watch)
             return self._train(watch)
         except CancelledError:
@@ -77,7 +104,47 @@ class Training:
         finally:
             held.release()
 
+    # Time.
+
+    def _pace(self) -> Pace:
+        """How long steps take here, as measured when the training began."""
+        from executive.lab.training import pace
+        from executive.lab.training.optimiser import CancelledError, use_threads
+
+        file = self.config.out / PACE
+        if file.is_file():
+            try:
+                kept: Pace = decode(Pace, read_json(file))
+                return kept
+            except ValueError as error:
+                raise InputError(f"{error}; remove it, and the pace is measured anew", file=file) from None
+        use_threads(self.config.jobs)
+        measured = pace.measure(self._writer, self._trainer, self.config.jobs, lambda: self._cancelled)
+        if measured is None:
+            raise CancelledError("pace")
+        dataset.write_atomically(file, (json.dumps(asdict(measured), indent=2) + "\n").encode())
+        return measured
+
+    def _fitted(self, pace: Pace) -> Preset:
+        minutes = self.config.minutes
+        if minutes is None:
+            return self._whole
+        try:
+            return self._whole.fitted(pace, _MARGIN * 60.0 * minutes)
+        except ValueError as error:
+            needed = sum(self._whole.efforts(pace).values()) / 60.0 / _MARGIN
+            message = f"{minutes:g} are too few: all of it takes {needed:.0f} here, and {error}"
+            raise OptionError(message, option="minutes") from None
+
     # Pictures.
+
+    @property
+    def _writer(self) -> Callable[[int, Path], pace.Writer]:
+        """Makes what writes shards of so many moments into a folder."""
+        from executive.lab.training import image_shards
+
+        config = self.config
+        return partial(image_shards.ShardWriter, config.domain, config.problem, config.seed, self._whole.size.side)
 
     def _draw(self, watch: Watch) -> None:
         from executive.lab.training import image_shards
@@ -90,9 +157,8 @@ class Training:
         watch(self._stage("pictures", done, wanted, 0, 0.0))
         if not missing:
             return
-        config, preset = self.config, self.preset
-        arguments = (config.domain, config.problem, config.seed, preset.size.side, preset.moments, folder)
-        pool: ProcessPool[int, None] = ProcessPool(partial(image_shards.ShardWriter, *arguments), config.jobs)
+        config = self.config
+        pool: ProcessPool[int, None] = ProcessPool(partial(self._writer, self.preset.moments, folder), config.jobs)
         waiting, drawn = iter(missing), 0
         with pool:
             for ended in run_jobs(pool, lambda: next(waiting, None), lambda: self._cancelled):
@@ -115,16 +181,22 @@ class Training:
 
     # The network.
 
+    def _trainer(self) -> Trainer:
+        from executive.lab.training.stages import Trainer
+        from executive.lab.training.wordings import WORDINGS
+
+        questions = self.domain.subject.questions
+        wordings = questions.with_name(WORDINGS) if questions is not None else None
+        there = wordings if wordings and wordings.is_file() else None
+        return Trainer(self.domain, getattr(self, "preset", self._whole), self.config.seed, there, self._start)
+
     def _train(self, watch: Watch) -> Path:
         from executive.lab.training import model_card, network, optimiser
-        from executive.lab.training.stages import FEWER, LANGUAGE, TOGETHER, TOWER, ShardPool, Trainer
-        from executive.lab.training.wordings import WORDINGS
+        from executive.lab.training.stages import FEWER, LANGUAGE, TOGETHER, TOWER
 
         optimiser.use_threads(self.config.jobs)
         out, preset = self.config.out, self.preset
-        questions = self.domain.subject.questions
-        wordings = questions.with_name(WORDINGS) if questions is not None else None
-        trainer = Trainer(self.domain, preset, self.config.seed, wordings if wordings and wordings.is_file() else None)
+        trainer = self._trainer()
 
         def tell(report: Report) -> None:
             text = ", ".join(f"{name} {value:.3f}" for name, value in report.metrics.items())
@@ -136,13 +208,15 @@ class Training:
         folder = out / PICTURES
         if not optimiser.finished(out / FEWER, preset.fewer.steps):
             trainer.train_vision_encoder(folder, out / TOWER, tell, stopped)
-            trainer.train_decoder(ShardPool(folder).states(), out / LANGUAGE, tell, stopped)
+            trainer.train_decoder(trainer.pool(folder).states(), out / LANGUAGE, tell, stopped)
             trainer.train_jointly(folder, out / TOGETHER, tell, stopped)
         trainer.train_camera_subsets(folder, out / FEWER, tell, stopped)
         model = out / MODEL
         network.save(trainer.model, trainer.tokenizer, preset.size, model)
         parameters = sum(part.numel() for part in trainer.model.parameters())
-        text = model_card.render(self.domain, preset, self.cameras, parameters, self.config.seed, self.config.command)
+        start = self._start.resolve().name if self._start is not None else None
+        told = (parameters, self.config.seed, self.config.command, start)
+        text = model_card.render(self.domain, preset, self.cameras, *told)
         dataset.write_atomically(model / "README.md", text.encode())
         return model
 
@@ -167,15 +241,17 @@ class Training:
 
     def _described(self) -> dict[str, Any]:
         """Everything that the model depends on, as JSON gives it back."""
-        described: dict[str, Any] = json.loads(
-            json.dumps(
-                {
-                    "domain": self.domain.name,
-                    "problem": self.domain.task.problem,
-                    "atoms": [str(atom) for atom in self.domain.task.atoms],
-                    "seed": self.config.seed,
-                    "recipe": asdict(self.preset),
-                }
-            )
-        )
-        return described
+        described: dict[str, Any] = {
+            "domain": self.domain.name,
+            "problem": self.domain.task.problem,
+            "atoms": [str(atom) for atom in self.domain.task.atoms],
+            "seed": self.config.seed,
+            "recipe": asdict(self._whole),
+        }
+        # Not where they are not asked for, so that trainings from before are continued.
+        if self._start is not None:
+            described["from"] = {"model": self._start.resolve().name, "weights": warm_start.digest(self._start)}
+        if self.config.minutes is not None:
+            described["minutes"] = self.config.minutes
+        told: dict[str, Any] = json.loads(json.dumps(described))
+        return told

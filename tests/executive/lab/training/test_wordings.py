@@ -9,10 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from executive.domain import scaffold
 from executive.domain.loader import load_domain, load_subject
 from executive.errors import DomainError
 from executive.lab.training.wordings import WORDINGS, Wordings, expand
 from executive.s3e import Templates
+from executive.sim.spec import read_scene
 from tests.executive.sim.stage import ROOT
 
 GROCERY = ROOT / "domains" / "grocery"
@@ -96,3 +98,17 @@ def test_names_of_what_another_task_has_are_passed_over_and_no_others() -> None:
     assert wordings.names.keys() == task.objects.keys()
     with pytest.raises(DomainError, match=r"objects\..*unknown key"):
         Wordings.of(task, TEMPLATES, GROCERY / WORDINGS)
+
+
+@pytest.mark.parametrize("problem", [None, "one-block"])
+def test_those_of_a_new_domain_are_valid_at_once(problem: str | None, tmp_path: Path) -> None:
+    folder = scaffold.create("workshop", tmp_path).folder
+    domain = load_domain(folder, problem)
+    assert domain.subject.questions is not None
+    templates = Templates.read(domain.subject.questions)
+    stage = read_scene(domain.scene)
+    there = {item.name for item in stage.items} | {table.name for table in stage.tables}
+    made = Wordings.of(domain.task, templates, folder / WORDINGS, there)
+    assert all(len(made.patterns[name]) > 4 for name in ("on", "holding", "hand-empty"))
+    names = [name.casefold() for names in made.names.values() for name in names]
+    assert len(names) == len(set(names)), "two objects have a name in common"

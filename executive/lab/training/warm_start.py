@@ -1,0 +1,111 @@
+"""Training that starts from a trained model: its vision encoder, projector and decoder, and the words that it knows.
+
+A new domain has its own vocabulary. The embedding of a token that both have is copied; that of a new token stays as it
+was drawn, with the length that the copied ones have.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+
+from executive.app.estimators import SHIPPED, shipped
+from executive.errors import InputError, OptionError, nearest
+from executive.lab.training.presets import ModelSize
+from executive.s3e.backends import checkpoint
+from executive.s3e.backends.loading import quiet
+from executive.s3e.backends.packages import importing
+from executive.util.files import home, read_json
+
+ARCHITECTURE = "fast_vlm"
+
+
+def find(said: str) -> Path:
+    """The folder of the model that is meant: a folder, or the name of one that comes along (grocery-eye, or grocery).
+
+    Raises:
+        InputError: there is none, or it is no checkpoint.
+    """
+    folder = home(said)
+    if not os.path.isdir(folder):
+        there = shipped(said.removesuffix("-eye")) if "/" not in said else None
+        if there is None:
+            known = sorted(each.name for each in SHIPPED.iterdir() if each.is_dir())
+            message = f"{said!r} is neither the folder of a model nor one that comes along; {nearest(said, known)}"
+            raise OptionError(message, option="start")
+        folder = there
+    checkpoint.inspect(folder, folder.name)
+    return folder
+
+
+def check(folder: Path, size: ModelSize, recipe: str) -> None:
+    """Check that a model has the architecture and the size that a recipe makes.
+
+    Raises:
+        InputError: it has another one; the first difference is named.
+    """
+    file = folder / checkpoint.CONFIG
+    config = read_json(file)
+    kind = config.get("model_type")
+    if kind != ARCHITECTURE:
+        raise InputError(
+            f"is a model of the type {kind!r}, and a training starts from {ARCHITECTURE!r} alone", file=file
+        )
+    vision, text = (config.get(part) or {} for part in ("vision_config", "text_config"))
+    processor = read_json(folder / "preprocessor_config.json")
+    found = {
+        "picture": (processor.get("size") or {}).get("height"),
+        "embedding_size": vision.get("embedding_size"),
+        "hidden_sizes": tuple(vision.get("hidden_sizes") or ()),
+        "depths": tuple(vision.get("depths") or ()),
+        "hidden_size": text.get("hidden_size"),
+        "num_hidden_layers": text.get("num_hidden_layers"),
+        "num_attention_heads": text.get("num_attention_heads"),
+        "intermediate_size": text.get("intermediate_size"),
+    }
+    wanted = {
+        "picture": size.side,
+        "embedding_size": size.stem,
+        "hidden_sizes": size.widths,
+        "depths": size.depths,
+        "hidden_size": size.hidden,
+        "num_hidden_layers": size.layers,
+        "num_attention_heads": size.heads,
+        "intermediate_size": size.inner,
+    }
+    for name, value in wanted.items():
+        if found[name] != value:
+            raise InputError(
+                f"is another model than the recipe {recipe!r} makes: {name} is {found[name]} there and {value} here; "
+                "choose the recipe that it was trained with",
+                file=file,
+            )
+
+
+def digest(folder: Path) -> str:
+    """SHA-256 of the weights."""
+    return hashlib.sha256((folder / checkpoint.WEIGHTS).read_bytes()).hexdigest()
+
+
+def load(model: Any, tokenizer: Any, folder: Path) -> None:
+    """Give a new model the weights of the one in a folder, which `check` has found to be alike."""
+    import torch
+
+    with importing():
+        from transformers import AutoModelForImageTextToText, AutoTokenizer
+
+    with quiet():
+        before = AutoModelForImageTextToText.from_pretrained(folder, dtype=torch.float32)
+        known = AutoTokenizer.from_pretrained(folder).get_vocab()
+    new = model.model.language_model.embed_tokens.weight
+    old = before.model.language_model.embed_tokens.weight
+    shared = [(number, known[token]) for token, number in tokenizer.get_vocab().items() if token in known]
+    rows, from_rows = torch.tensor(shared).T
+    with torch.no_grad():
+        new *= old.std() / new.std()
+        new[rows] = old[from_rows]
+    own = {"embed_tokens", "lm_head"}  # one matrix, a row for each token
+    kept = {name: value for name, value in before.state_dict().items() if own.isdisjoint(name.split("."))}
+    model.load_state_dict(kept, strict=False)
