@@ -4,9 +4,11 @@
     python -m benchmarks.speed --only collision replan  # some of them
     python -m benchmarks.speed --all                    # with all recorded motions and 100,000 configurations
     python -m benchmarks.speed --out benchmarks/speed/results
+    python -m benchmarks.speed --against benchmarks/speed/results/2026-11-22.json
 
 Ours and the baseline are timed by turns, so that both meet the same load; what counts are the ratios. With `--out`, the
-table is kept as a file of text and one of JSON, by the date.
+table is kept as a file of text and one of JSON, by the date; with `--against`, what such a file has of each row is
+printed beside it.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import json
 import os
 from pathlib import Path
 
-from benchmarks.speed.table import Row, machine, plot, printed
+from benchmarks.speed.table import Row, machine, plot, printed, read_former
 
 ROWS = (
     "collision",
@@ -47,12 +49,14 @@ def main() -> None:
     parser.add_argument("--all", action="store_true", help="measure on everything there is; takes a long time")
     parser.add_argument("--json", action="store_true", help="print the table for programs")
     parser.add_argument("--out", type=Path, help="a folder to keep the table in")
+    parser.add_argument("--against", type=Path, metavar="JSON", help="a former table, to be printed beside this one")
     arguments = parser.parse_args()
+    former = None if arguments.against is None else read_former(arguments.against)
     where, rows = machine(), list[Row]()
     for name in arguments.only:
         rows += importlib.import_module(f"benchmarks.speed.{name}").measure(arguments.all)
     kept = {"machine": where, "rows": [{**dataclasses.asdict(row), "ratio": row.ratio} for row in rows]}
-    text, data = printed(rows, where), json.dumps(kept, indent=2)
+    text, data = printed(rows, where, former), json.dumps(kept, indent=2)
     if arguments.out is not None:
         arguments.out.mkdir(parents=True, exist_ok=True)
         (arguments.out / f"{where['date']}.txt").write_text(text + "\n")

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,13 +89,27 @@ def plot(rows: list[Row], file: Path) -> None:
     pyplot.close(figure)
 
 
-def printed(rows: list[Row], where: dict[str, str]) -> str:
-    """The table, for people."""
-    head = ("stage", "ours", "baseline", "ratio", "target", "reached", "against")
+class Former(NamedTuple):
+    """What a row said when it was measured before, on whatever machine."""
+
+    ours: float
+    ratio: float | None
+
+
+def read_former(file: Path) -> dict[str, Former]:
+    """The rows of a table that was kept with `--out`, by their stage."""
+    rows = json.loads(file.read_text())["rows"]
+    return {row["stage"]: Former(row["ours"], row["ratio"]) for row in rows}
+
+
+def printed(rows: list[Row], where: dict[str, str], former: Mapping[str, Former] | None = None) -> str:
+    """The table, for people; with `former`, what each row said before stands beside it."""
+    head = ("stage", "ours", *_BEFORE[former is not None], "baseline", "ratio", "target", "reached", "against")
     body = [
         (
             row.stage,
             f"{row.ours:.4g} {row.unit}",
+            *(() if former is None else _beside(row, former.get(row.stage))),
             "" if row.baseline is None else f"{row.baseline:.4g} {row.unit}",
             "" if row.ratio is None else f"{row.ratio:.3g}",
             row.target,
@@ -107,3 +123,15 @@ def printed(rows: list[Row], where: dict[str, str]) -> str:
              for line in (head, *body)]  # fmt: skip
     notes = [f"{row.stage}: {row.note}" for row in rows if row.note]
     return "\n".join([*lines, "", *notes, "", ", ".join(f"{key} {value}" for key, value in where.items())])
+
+
+_BEFORE = ((), ("former", "times", "former ratio"))
+"""The columns that a former table adds: what ours was, how many times that it is now, and its ratio to the baseline,
+which tells a slower machine from a slower program."""
+
+
+def _beside(row: Row, before: Former | None) -> tuple[str, str, str]:
+    if before is None:
+        return ("", "", "")
+    times = "" if before.ours == 0 else f"{row.ours / before.ours:.2f}"
+    return (f"{before.ours:.4g} {row.unit}", times, "" if before.ratio is None else f"{before.ratio:.3g}")

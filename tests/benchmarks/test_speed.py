@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 from benchmarks.speed import queries, trajectory
 from benchmarks.speed.collision import FullModel
-from benchmarks.speed.table import Row, machine, plot, printed, side_by_side
+from benchmarks.speed.table import Row, machine, plot, printed, read_former, side_by_side
 from executive.sim.robot_api import ArmLimits
 from executive.skills.arm import arm_of
 from tests.executive.sim.stage import grocery
@@ -31,6 +32,17 @@ def test_a_row_is_printed_with_its_ratio_and_whether_it_is_reached(tmp_path: Pat
     plot(rows, tmp_path / "growth.png")
     assert (tmp_path / "growth.png").read_bytes().startswith(b"\x89PNG")
     json.dumps(machine())
+
+
+def test_what_a_row_said_before_stands_beside_it(tmp_path: Path) -> None:
+    rows = [Row("check", 3.0, 90.0, "us", "40 times", True, "MuJoCo"), Row("new", 1.0, None, "s", "", None, "itself")]
+    kept = {"rows": [{"stage": "check", "ours": 2.0, "ratio": 45.0}, {"stage": "gone", "ours": 0, "ratio": None}]}
+    (tmp_path / "former.json").write_text(json.dumps(kept))
+    head, check, new, *_ = printed(rows, machine(), read_former(tmp_path / "former.json")).splitlines()
+    columns = [head.index(name) for name in ("ours", "former", "times", "former ratio", "baseline", "ratio  target")]
+    cells = [check[start:end].strip() for start, end in itertools.pairwise(columns)]
+    assert cells == ["3 us", "2 us", "1.50", "45", "90 us"]
+    assert new.split() == ["new", "1", "s", "itself"]
 
 
 def test_what_runs_by_turns_is_compared_by_neighbours() -> None:
