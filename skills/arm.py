@@ -36,6 +36,9 @@ _SLACK = 0.008
 _FIRM = 0.002
 """m of shift between the pads below which an item is held, whatever the cameras report."""
 
+_PRIED = 0.003
+"""m of shift between the pads from which on something forces them apart."""
+
 _BLOCKED = 0.15
 """rad of tracking error of a joint from which on it counts as blocked. Unhindered, it lags by less than 0.01."""
 
@@ -50,7 +53,15 @@ _LOOKS_AGAIN, _LOOK_SECONDS = 2, 0.2
 _WITHDRAW = np.linspace(0.01, 0.10, 10)
 """Heights in m of the waypoints of a withdrawal from a contact."""
 
-_KINDS = {"item": "an item", "table": "a table", "surface": "a table, a region or another item"}
+_KINDS = {
+    "item": "an item",
+    "table": "a table",
+    "surface": "a table, a region, a drawer, a container or another item",
+    "drawer": "a drawer",
+}
+
+_WIDTH_OF = (-0.0093, -0.0752, 0.0854)
+"""The width in m between the pads of fingers that are closed by a share s, as a s^2 + b s + c."""
 
 _GRIP_SECONDS = 0.6
 _BRAKE_SECONDS = 0.25
@@ -119,15 +130,17 @@ class Attempt:
         self._announced: PosesEstimated | None = None
         self._absent: frozenset[str] = frozenset()
 
-    def arguments(self, *kinds: Literal["item", "table", "surface"]) -> tuple[str, ...]:
-        """Returns the arguments of the step, each of the kind that is named for it: an item, a table, or a surface,
-        which is a table, a region of one, or another item.
+    def arguments(self, *kinds: Literal["item", "table", "surface", "drawer"]) -> tuple[str, ...]:
+        """Returns the arguments of the step, each of the kind that is named for it: an item, a table, a drawer, or a
+        surface, which is a table, a region of one, a drawer, a container, or another item.
 
         Raises:
             InputError: the domain gives this skill an action with other parameters.
         """
-        args, items, tables = self.step.args, self.handle.shapes.keys() - self.handle.unknown, self.handle.tables.keys()
-        names = {"item": items, "table": tables, "surface": items | tables | self.handle.regions.keys()}
+        args, handle = self.step.args, self.handle
+        items, tables, drawers = handle.shapes.keys() - handle.unknown, handle.tables.keys(), handle.drawers.keys()
+        surfaces = items | tables | handle.regions.keys() | drawers | handle.containers.keys()
+        names = {"item": items, "table": tables, "surface": surfaces, "drawer": drawers}
         fit = len(args) == len(kinds) and all(arg in names[kind] for arg, kind in zip(args, kinds, strict=True))
         if fit and len(set(args)) == len(args):
             return args
@@ -225,7 +238,8 @@ class Attempt:
 
     def update_collisions(self, held: Held | None = None, ignored: Collection[str] = ()) -> None:
         """Updates the collision model."""
-        self.arm.collision.update(self.obstacles(), self.body.gripper_joints(), held, ignored)
+        opened = self.body.openings() if self.handle.drawers else {}
+        self.arm.collision.update(self.obstacles(), self.body.gripper_joints(), held, ignored, opened)
 
     def _announce_poses(self) -> None:
         """Puts estimated poses into the trace, once."""
@@ -242,9 +256,13 @@ class Attempt:
         speed: float = 1.0,
         planned: bool = False,
         then: Sequence[FloatArray] = (),
-    ) -> None:
+        yields: float | None = None,
+    ) -> bool:
         """Executes a path as a phase, and stops early when the held item slips out, when the arm is blocked, or when
         the run is cancelled. `then` are the paths that were to follow, for the estimate of the time saved.
+
+        With `yields`, it stops where the hand is held back: where it lags so many m behind what was commanded, or the
+        fingers are pried apart; returns whether it got to the end.
 
         Raises:
             SkillError: DROPPED, TIMED_OUT or CANCELLED, once the arm stands still.
@@ -268,6 +286,11 @@ class Attempt:
         period = self.handle.control_period
         elapsed, rate, failure = 0.0, 1.0, None
         while elapsed < motion.seconds and rate > 0.0:
+            if yields is not None and (self._pried() or self._lag(motion.position(elapsed)) > yields):
+                self.body.command(self.body.joints(), np.zeros_like(path[0]))
+                self.wait(_BRAKE_SECONDS)
+                self.check_held()
+                return False
             failure = failure or self._felt() or self._blocked(motion.position(elapsed))
             if failure is not None:
                 rate -= period / _BRAKE_SECONDS  # slow down along the path rather than jerk to a stop
@@ -281,6 +304,7 @@ class Attempt:
                 self.body.command(self.body.joints(), np.zeros_like(path[0]))  # push no further
             raise failure
         self._arrive(motion.position(motion.seconds))
+        return True
 
     def close_gripper(self) -> None:
         """Closes the gripper on an item.
@@ -298,6 +322,11 @@ class Attempt:
     def close_fist(self) -> None:
         """Closes the gripper on nothing."""
         self._drive_gripper(1.0)
+
+    def shape_gripper(self, width: float) -> None:
+        """Opens or closes the gripper to a width in m between the pads, with nothing in its way."""
+        self._grip_width = None
+        self._drive_gripper(_closed(width), _closed(float(self.body.gripper_width())))
 
     def open_gripper(self) -> None:
         self._grip_width = None
@@ -347,6 +376,15 @@ class Attempt:
                 return SkillError(SkillStatus.DROPPED, why, Sense.SEEN)
         return None
 
+    def _pried(self) -> bool:
+        """Whether what is gripped forces the fingers apart."""
+        return self._grip_width is not None and abs(self.body.gripper_width() - self._grip_width) > _PRIED
+
+    def _lag(self, commanded: FloatArray) -> float:
+        """How far in m the grip point is from where the arm is commanded to have it, by its own joints."""
+        here, there = (self.arm.kinematics.forward(q)[:3, 3] for q in (self.body.joints(), commanded))
+        return float(np.linalg.norm(here - there))
+
     def _blocked(self, commanded: FloatArray) -> SkillError | None:
         if float(np.abs(self.body.joints() - commanded).max()) <= _BLOCKED:
             return None
@@ -366,12 +404,18 @@ class Attempt:
         if failure := self._blocked(goal):
             raise failure
 
-    def _drive_gripper(self, closed: float) -> None:
+    def _drive_gripper(self, closed: float, start: float | None = None) -> None:
         steps = round(_GRIP_SECONDS / self.handle.control_period)
-        start = 1.0 - closed
+        start = 1.0 - closed if start is None else start
         for index in range(steps):
             self.body.command_gripper(start + (closed - start) * min(1.0, 1.5 * (index + 1) / steps))
             self.body.advance()
+
+
+def _closed(width: float) -> float:
+    """How far the fingers are closed, from 0 to 1, at a width in m between the pads."""
+    a, b, c = _WIDTH_OF
+    return float(np.clip((-b - np.sqrt(b * b - 4.0 * a * (c - min(width, c)))) / (2.0 * a), 0.0, 1.0))
 
 
 def perform(step: Step, context: SkillContext, work: Callable[[Attempt], None]) -> SkillResult:

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from executive.sim.robot_api import Handle
-from executive.sim.scene import FINGER_JOINTS, GRIP_SITE, JOINTS
+from executive.sim.scene import FINGER_JOINTS, GRIP_SITE, JOINTS, slide_of
 from executive.skills import collision_kernels, transforms
 from executive.skills.collision_geometry import Arguments, CollisionGeometry
 from executive.types import FloatArray
@@ -76,9 +76,10 @@ class CollisionModel:
         self._fingers = np.array([model.joint(name).qposadr[0] for name in FINGER_JOINTS])
         self._items = {name: int(model.joint(f"{name}/free").qposadr[0]) for name in handle.shapes}
         self._site = model.site(GRIP_SITE).id
-        self._geoms: dict[str, list[int]] = {name: [] for name in handle.shapes}
+        self._slides = {name: int(model.joint(slide_of(name)).qposadr[0]) for name in handle.drawers}
+        self._geoms: dict[str, list[int]] = {name: [] for name in (*handle.shapes, *handle.drawers)}
         self._held: Held | None = None
-        roots = {int(model.body(name).id): name for name in handle.shapes}
+        roots = {int(model.body(name).id): name for name in self._geoms}
         hand = _subtree(model, int(model.body(_HAND_ROOT).id))
         arm = _subtree(model, int(model.body("shoulder_link").id))
         for geom in range(model.ngeom):
@@ -107,8 +108,10 @@ class CollisionModel:
         fingers: FloatArray,
         held: Held | None = None,
         ignored: Collection[str] = (),
+        opened: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        """Sets the poses of the items (7,), the finger joints (rad), the held item, and the items to ignore."""
+        """Sets the poses of the items (7,), the finger joints (rad), the held item, the items and drawers to ignore,
+        and how far drawers are open (m)."""
         carried = {} if held is None else held.carried
         for name, start in self._items.items():
             if name in items:
@@ -120,6 +123,10 @@ class CollisionModel:
                     self._mark(geom, 0, 0)
                 else:
                     self._mark(geom, _SURROUNDINGS, 0)
+        for name, at in self._slides.items():
+            self._data.qpos[at] = opened.get(name, self._data.qpos[at])
+            for geom in self._geoms[name]:
+                self._mark(geom, 0 if name in ignored else _SURROUNDINGS, 0)
         self._held = held
         self._data.qpos[self._fingers] = fingers
         self._place(np.zeros(len(self._arm)))

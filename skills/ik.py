@@ -18,8 +18,8 @@ class Kinematics:
 
     def __init__(self, handle: Handle) -> None:
         spec = handle.planning_spec()
-        for item in handle.shapes:
-            spec.delete(spec.body(item))
+        for moved in (*handle.shapes, *handle.drawers):
+            spec.delete(spec.body(moved))
         self._limits = handle.limits
         self._model = spec.compile()
         self._configuration = mink.Configuration(self._model)

@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from executive.sim.scene import ItemShape
 from executive.skills import grasps, surfaces, transforms
 from executive.skills.arm import CARRYING, Attempt, SkillError
 from executive.skills.collision import Held
@@ -73,20 +74,51 @@ def look(attempt: Attempt, item: str) -> FloatArray:
 
 
 def surface(attempt: Attempt, name: str) -> Surface:
-    """Returns a table, a region, or the top of an item as it is now, as a surface. A region in which something stands
-    is the top of the highest item there.
+    """Returns a table, a region, the floor of a drawer or a container, or the top of an item as it is now, as a
+    surface. A region in which something stands is the top of the highest item there.
 
     Raises:
         SkillError: NOT_THERE where the item is seen nowhere.
     """
     if name in attempt.handle.tables:
-        return Surface.of_table(attempt.handle.tables[name])
+        handle = attempt.handle
+        taken = [each.covers for each in handle.containers.values()]
+        taken += [each.covers for each in handle.drawers.values()]
+        return Surface.of_table(handle.tables[name], tuple(taken))
+    if name in (floors := floors_of(attempt)):
+        return floors[name]
     if name in attempt.handle.regions:
         region = region_of(attempt, name)
         return max(_tops_in(attempt, region), key=lambda top: float(top.centre[2]), default=region)
     if (pose := attempt.obstacles().get(name)) is None:
         raise SkillError(SkillStatus.NOT_THERE, f"{name} is seen nowhere")
     return Surface.of_item(transforms.matrix(pose), attempt.handle.shapes[name])
+
+
+def floors_of(attempt: Attempt) -> dict[str, Surface]:
+    """Returns the floors of containers, and of drawers as far as they are open now, as surfaces by name."""
+    opened = attempt.body.openings() if attempt.handle.drawers else {}
+    floors = [container.floor for container in attempt.handle.containers.values()]
+    floors += [drawer.floor(opened[name]) for name, drawer in attempt.handle.drawers.items()]
+    return {floor.name: Surface.of_floor(floor) for floor in floors}
+
+
+def floor_under(attempt: Attempt, pose: FloatArray, shape: ItemShape) -> str | None:
+    """Returns the name of the drawer or the container that an item at `pose` (4, 4) is in; None where it is in none."""
+    for name, floor in floors_of(attempt).items():
+        if floor.holds(pose, shape, slack=0.0):
+            return name
+    return None
+
+
+def rests_on(attempt: Attempt, pose: FloatArray, item: str, target: str, slack: float = 0.02) -> bool:
+    """Whether an item at `pose` (4, 4) is one that rests on a surface. What is in a drawer or a container that stands
+    on a table is not on the table."""
+    shape = attempt.handle.shapes[item]
+    if target in attempt.handle.tables and floor_under(attempt, pose, shape) is not None:
+        return False
+    where = region_of(attempt, target) if target in attempt.handle.regions else surface(attempt, target)
+    return where.holds(pose, shape, slack)
 
 
 def region_of(attempt: Attempt, name: str) -> Surface:

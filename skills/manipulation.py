@@ -15,14 +15,15 @@ from executive.skills.library import (
     approach,
     carry,
     close_fist,
+    floor_under,
     grasp,
     grasps_of,
     in_hand,
     is_free,
     look,
     reach,
-    region_of,
     release,
+    rests_on,
     retreat,
     spots_for,
     surface,
@@ -49,10 +50,13 @@ _WAIT, _MOST_WAITS = 0.25, 40
 """Seconds from one look to the next at what was put on another item, and how many there are at most: a box takes some
 seconds to roll off a ball."""
 
+_HALF = 0.5
+"""The share of its travel by which a drawer has to be open for a hand to get into it."""
+
 _STILL = 0.0003
 """m by which an item that is at rest seems to move from one look to the next, beside the error of its pose."""
 
-_STAYS = frozenset({SkillStatus.UNREACHABLE, SkillStatus.NO_PATH, SkillStatus.NOT_THERE, SkillStatus.BLOCKED})
+STAYS = frozenset({SkillStatus.UNREACHABLE, SkillStatus.NO_PATH, SkillStatus.NOT_THERE, SkillStatus.BLOCKED})
 """How an item is left where it is, with an empty hand."""
 
 
@@ -63,9 +67,9 @@ def take(attempt: Attempt, item: str, source: str, home: bool = False) -> None:
 
     Raises:
         SkillError: NOT_THERE when it is not there, BLOCKED when other items are in the way and cannot be moved,
-            UNREACHABLE when no grasp has a free and reachable configuration without them either, NO_PATH when there is
-            no motion to one, GRASP_MISSED when the fingers close on nothing, DROPPED when it slips out, TIMED_OUT when
-            the arm is blocked.
+            UNREACHABLE when no grasp has a free and reachable configuration without them either, CLOSED when it is in a
+            drawer that is, NO_PATH when there is no motion to one, GRASP_MISSED when the fingers close on nothing,
+            DROPPED when it slips out, TIMED_OUT when the arm is blocked.
     """
     for _ in range(_LOOKS_AGAIN):
         try:
@@ -77,9 +81,10 @@ def take(attempt: Attempt, item: str, source: str, home: bool = False) -> None:
 
 
 def _take(attempt: Attempt, item: str, source: str, home: bool, clears: bool = True) -> None:
+    check_open(attempt, source)
     attempt.phase("plan", f"grasps of {item}")
     pose, below = look(attempt, item), surface(attempt, source)
-    if not below.holds(pose, attempt.handle.shapes[item]):
+    if not rests_on(attempt, pose, item, source):
         raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {source}")
     if attempt.riders(item) and uncover(attempt, item):
         pose = look(attempt, item)
@@ -104,6 +109,19 @@ def _take(attempt: Attempt, item: str, source: str, home: bool, clears: bool = T
     attempt.arm.failed_grasps.forget(item)
 
 
+def check_open(attempt: Attempt, place: str) -> None:
+    """Checks that a place is no drawer that hardly anything can be taken from or put into.
+
+    Raises:
+        SkillError: CLOSED where it is open by less than half of its travel.
+    """
+    if (drawer := attempt.handle.drawers.get(place)) is not None:
+        opening = attempt.body.openings()[place]
+        if opening < _HALF * drawer.stroke:
+            share = f"{1000.0 * opening:.0f} of {1000.0 * drawer.stroke:.0f} mm"
+            raise SkillError(SkillStatus.CLOSED, f"{place} is open by {share}")
+
+
 def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> None:
     """Moves aside what keeps an item from being taken.
 
@@ -119,14 +137,14 @@ def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> Non
     near = [name for name, far in away.items() if far - shapes[name].half.max() < _BESIDE + shapes[item].half.max()]
     found = blockers(attempt, near, lambda: grasps_of(attempt, item, pose, below, most=1))
     if not found:
-        if below.is_item or not nudge(attempt, item, source):
+        if below.is_item or below.walls is not None or not nudge(attempt, item, source):
             raise failure
         return
     for blocker in sorted(found, key=away.__getitem__):
         try:
             move_aside(attempt, blocker)
         except SkillError as stays:
-            if stays.status not in _STAYS or attempt.holding:
+            if stays.status not in STAYS or attempt.holding:
                 raise
         else:
             return
@@ -181,7 +199,7 @@ def uncover(attempt: Attempt, item: str) -> bool:
         try:
             take(attempt, rider, item)
         except SkillError as failure:
-            if failure.status not in _STAYS:
+            if failure.status not in STAYS:
                 raise
             return False
         put(attempt, rider, table)
@@ -190,12 +208,15 @@ def uncover(attempt: Attempt, item: str) -> bool:
 
 
 def table_under(attempt: Attempt, item: str) -> str | None:
-    """Returns the name of the table that an item is over, if only by lying on other things; None where there is none.
+    """Returns the name of the table that an item is over, if only by lying on other things, or of the drawer or the
+    container that it is in; None where there is none.
 
     Raises:
         SkillError: NOT_THERE where the item is seen nowhere.
     """
     pose, shape = look(attempt, item), attempt.handle.shapes[item]
+    if (floor := floor_under(attempt, pose, shape)) is not None:
+        return floor
     for name, table in attempt.handle.tables.items():
         if Surface.of_table(table).holds(pose, shape, slack=0.0):
             return name
@@ -207,12 +228,13 @@ def put(attempt: Attempt, item: str, target: str) -> None:
     Where that takes another grasp, it is put down on another table before, and taken so.
 
     Raises:
-        SkillError: NOT_THERE when the hand does not hold it, DOES_NOT_FIT when it is larger than the table as it is
-            held, BLOCKED when other items leave no room, UNREACHABLE when no spot is within reach, NO_PATH when none
-            can be got to, DROPPED when the item slips out on the way, TIMED_OUT when the arm is held up.
-    """
+        SkillError: NOT_THERE when the hand does not hold it, CLOSED when the target is a drawer that is, DOES_NOT_FIT
+            when it is larger than the table as it is held, BLOCKED when other items leave no room, UNREACHABLE when no
+            spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips out on the way, TIMED_OUT
+    when the arm is held up."""
     held = in_hand(attempt, item)
     withdraw(attempt, held)  # where it was gripped and not yet lifted
+    check_open(attempt, target)
     attempt.phase("plan", f"a spot on {target}")
     try:
         ways = _spots(attempt, held, surface(attempt, target))
@@ -306,8 +328,7 @@ def check_rests(attempt: Attempt, item: str, target: str) -> None:
         before, pose = pose, attempt.obstacles().get(item)
         if before is None or pose is None or np.linalg.norm(pose[:3] - before[:3]) < _STILL + attempt.spread(item):
             break
-    where = region_of(attempt, target) if target in attempt.handle.regions else surface(attempt, target)
-    if pose is not None and not where.holds(transforms.matrix(pose), attempt.handle.shapes[item]):
+    if pose is not None and not rests_on(attempt, transforms.matrix(pose), item, target):
         raise SkillError(SkillStatus.FELL, f"{item} did not stay on {target}")
 
 

@@ -1,4 +1,5 @@
-"""pick(item, from): take an item from a table or from the top of another item, and hold it clear of everything."""
+"""pick(item, from): take an item from a table, from a drawer, a container or the top of another item, and hold it clear
+of everything."""
 
 from __future__ import annotations
 
@@ -13,10 +14,10 @@ def pick(step: Step, context: SkillContext) -> SkillResult:
     """Grasps `item` from above and lifts it; with a home pose, carries it there. What rests on it or is in the way is
     put down beside it before.
 
-    It reports NOT_THERE when the item is not where the step says, BLOCKED when other items are in the way and stay
-    there, UNREACHABLE when no grasp has a free and reachable configuration, NO_PATH when there is no motion to one,
-    GRASP_MISSED when the fingers close on nothing, DROPPED when the item slips out, TIMED_OUT when the arm is blocked.
-    """
+    It reports NOT_THERE when the item is not where the step says, CLOSED when that is a drawer that is, BLOCKED when
+    other items are in the way and stay there, UNREACHABLE when no grasp has a free and reachable configuration, NO_PATH
+    when there is no motion to one, GRASP_MISSED when the fingers close on nothing, DROPPED when the item slips out,
+    TIMED_OUT when the arm is blocked."""
     return perform(step, context, _pick)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executive.sim import footprint
+from executive.sim.fixtures import Floor, Rectangle
 from executive.sim.scene import ItemShape
 from executive.sim.spec import RegionSpec, TableSpec
 from executive.skills import transforms
@@ -34,18 +35,26 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """Where items can be put: a table, or the top of an item. `centre` (3,) is the middle of its top in the world frame
-    and `size` its full extents along its own x and y, in m; `yaw` is how it is turned about the vertical, in rad."""
+    """Where items can be put: a table, the floor of a drawer or a container, or the top of an item. `centre` (3,) is
+    the middle of its top in the world frame and `size` its full extents along its own x and y, in m; `yaw` is how it is
+    turned about the vertical, in rad, `walls` how high in m the walls around it are, if there are any, and `taken` what
+    is no place to put anything on it."""
 
     name: str
     centre: FloatArray
     size: tuple[float, float]
     yaw: float = 0.0
     is_item: bool = False
+    walls: float | None = None
+    taken: tuple[Rectangle, ...] = ()
 
     @classmethod
-    def of_table(cls, table: TableSpec) -> Surface:
-        return cls(table.name, np.array(table.centre), (table.size[0], table.size[1]), table.yaw)
+    def of_table(cls, table: TableSpec, taken: tuple[Rectangle, ...] = ()) -> Surface:
+        return cls(table.name, np.array(table.centre), (table.size[0], table.size[1]), table.yaw, taken=taken)
+
+    @classmethod
+    def of_floor(cls, floor: Floor) -> Surface:
+        return cls(floor.name, np.array(floor.centre), floor.size, floor.yaw, walls=floor.height)
 
     @classmethod
     def of_region(cls, region: RegionSpec, table: TableSpec) -> Surface:
@@ -70,8 +79,12 @@ class Surface:
         centre = item[:3, 3] + item[:3, :3] @ shape.centre
         inside = np.abs(self.local(centre[:2])) <= 0.5 * np.asarray(self.size) + slack
         height = centre[2] - shape.reach(item[:3, :3].T @ _UP) - self.centre[2]
-        low, high = (-_LEVEL, _LEVEL) if self.is_item else (-0.05, 0.30)
+        low, high = (-_LEVEL, _LEVEL) if self.is_item else (-0.05, 0.30 if self.walls is None else self.walls)
         return bool(inside.all()) and low < float(height) < high
+
+    def is_taken(self, point: FloatArray, radius: float) -> bool:
+        """Whether something that reaches `radius` m around a horizontal point (2,) would be where nothing is put."""
+        return any(each.beside(point) < radius for each in self.taken)
 
     def local(self, point: FloatArray) -> FloatArray:
         """A horizontal point (2,) relative to the centre, along the surface's own axes."""
@@ -154,6 +167,7 @@ def tight_spots(
         if _is_above(pose, shapes[name], table)
     ]
     across = np.array([[np.cos(table.yaw), -np.sin(table.yaw)], [np.sin(table.yaw), np.cos(table.yaw)]])
+    radius = min(shape.reach(rotation.T @ axis) for axis in np.eye(3)[:2])
     found: list[tuple[float, FloatArray, FloatArray]] = []
     for number, share in enumerate(rng.uniform(-1.0, 1.0, (_TIGHT_TRIES if turned else 0, 2))):
         yaw, free = turned[number % len(turned)]
@@ -163,6 +177,8 @@ def tight_spots(
         item[:2, 3] = point - (item[:3, :3] @ shape.centre)[:2]
         here = _outline(item, shape)
         room = min((here.apart(other) for other in there), default=1.0)
+        if table.is_taken(point, radius):
+            continue
         if room > 0.0:
             height = table.centre[2] + shape.reach(rotation.T @ _UP) + _ABOVE
             found.append((room, np.array([*point, height]), np.array([yaw])))
@@ -238,7 +254,9 @@ def spots(
             local, yaws = share * free, np.array([yaw])
         point = surface.centre[:2] + np.array([[cos, -sin], [sin, cos]]) @ local
         room = min((float(np.linalg.norm(point - middle)) - size - radius for middle, size in obstacles), default=1.0)
-        if room > -0.04:  # the outlines are circles; whether the shapes themselves touch is for the collision check
+        if room > -0.04 and not surface.is_taken(
+            point, radius
+        ):  # the outlines are circles; whether the shapes themselves touch is for the collision check
             # Beyond what the fingers need, more room is no better; then a place near the middle is easier to reach.
             worth = min(room, 0.07) - 0.1 * float(np.linalg.norm(local))
             found.append((worth, np.array([*point, surface.centre[2] + half[2] + _ABOVE]), yaws))

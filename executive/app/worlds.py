@@ -113,7 +113,7 @@ class _Symbolic:
         self._domain, self._config = domain, config
         rates = {"no-effect": config.no_effect, "exogenous": config.exogenous}
         specs = [*config.faults, *(f"{kind}:p={rate!r}" for kind, rate in rates.items() if rate)]
-        self.faults = [_only_in(SYMBOLIC_WORLD, parse_fault(spec, domain.task.objects, (), ())) for spec in specs]
+        self.faults = [_only_in(SYMBOLIC_WORLD, parse_fault(spec, domain.task.objects, (), (), ())) for spec in specs]
 
     def open(self, first_observation: int) -> Stage:
         from executive.symbolic import SymbolicSkill, SymbolicWorld
@@ -214,8 +214,10 @@ def parse_faults(domain: Domain, specs: Sequence[str]) -> list[Fault]:
 
     scene = read_scene(domain.scene).restricted_to(domain.task.objects, domain.scene)
     items = [item.name for item in scene.items]
-    tables, cameras = ([thing.name for thing in things] for things in (scene.tables, scene.cameras))
-    return [_only_in(MUJOCO, parse_fault(spec, items, tables, cameras)) for spec in specs]
+    tables = [*(table.name for table in scene.tables), *scene.floors]
+    cameras = [camera.name for camera in scene.cameras]
+    drawers = [drawer.name for drawer in scene.drawers]
+    return [_only_in(MUJOCO, parse_fault(spec, items, tables, cameras, drawers)) for spec in specs]
 
 
 def _only_in(world: str, fault: Fault) -> Fault:
@@ -296,6 +298,7 @@ def _simulator(
         depth=config.poses == DEPTH,
         stacked=setting.stacked,
         regions=setting.regions,
+        opened=setting.opened,
         renderer=config.renderer,
     )
     truth = Truth(world, domain.relations, task.parameters, domain.files[0])

@@ -41,6 +41,10 @@ DEFAULTS: Mapping[SkillStatus, Chances] = MappingProxyType(
         SkillStatus.DROPPED: Chances(0.03, 0.17, 0.80),
         SkillStatus.FELL: Chances(0.03, 0.02, 0.95),
         SkillStatus.COLLAPSED: Chances(0.03, 0.02, 0.95),
+        SkillStatus.CLOSED: Chances(0.01, 0.59, 0.40),  # what was believed to be open is not
+        SkillStatus.JAMMED: Chances(0.01, 0.96, 0.03),
+        SkillStatus.STOPPED_SHORT: Chances(0.45, 0.45, 0.10),
+        SkillStatus.SLIPPED: Chances(0.10, 0.80, 0.10),
         SkillStatus.NO_PATH: Chances(0.01, 0.97, 0.02),
         SkillStatus.UNREACHABLE: Chances(0.01, 0.97, 0.02),
         SkillStatus.BLOCKED: Chances(0.01, 0.97, 0.02),

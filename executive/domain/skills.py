@@ -12,6 +12,8 @@ COME_ALONG = {
     "pick": "executive.skills.pick:pick",
     "place": "executive.skills.place:place",
     "move": "executive.skills.move:move",
+    "open": "executive.skills.drawers:open_",
+    "close": "executive.skills.drawers:close",
     "home": "executive.skills.clear_view:home",
     "aside": "executive.skills.clear_view:aside",
 }

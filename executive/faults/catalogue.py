@@ -75,7 +75,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "shove": _disturbance(
             "someone moves an item to another place",
             "shove:item=lemon,table=white-table@3",
-            {"item": "the one moved", "table": "where to", **_IN_VIEW},
+            {"item": "the one moved", "table": "where to: a table, a drawer, or a container", **_IN_VIEW},
         ),
         "take": _disturbance("someone takes an item away for good", "take:item=lemon@2", {"item": "the one taken"}),
         "swap": _disturbance(
@@ -94,6 +94,15 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "push": _disturbance("an item is pushed to the floor", "push:item=lemon@2", {"item": "the one pushed"}),
         "block": _disturbance(
             "someone puts boxes wherever there is room on a table", "block:table=white-table@1", {"table": "which"}
+        ),
+        "jam": Kind(
+            "the drawer that is opened or closed is stuck for a while",
+            "before the action",
+            "jam:drawer=left-drawer@1",
+            keys={"drawer": "only in actions that name it", "seconds": "for so long, in the world's seconds (12)"},
+        ),
+        "roll": _disturbance(
+            "a drawer that is open rolls shut by itself", "roll:drawer=left-drawer@2", {"drawer": "which"}
         ),
         "no-effect": Kind(
             "the next action does nothing, and its skill does not notice (in the symbolic world)",
@@ -164,10 +173,10 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 )
 """Every kind of fault, by the word that names it."""
 
-PHYSICAL = ("drop", "miss", "slip", "shove", "take", "swap", "tip", "topple", "push", "block")
+PHYSICAL = ("drop", "miss", "slip", "shove", "take", "swap", "tip", "topple", "push", "block", "jam", "roll")
 SYMBOLIC = ("no-effect", "exogenous")
 """Those that disturb the simulated and the symbolic world (`Simulator.disturb`); the others come between the executive
 and one of its parts."""
 
-BY_SOMEONE = ("shove", "take", "swap", "tip", "topple", "push", "block", "exogenous")
+BY_SOMEONE = ("shove", "take", "swap", "tip", "topple", "push", "block", "roll", "exogenous")
 """Disturbances: faults in which someone changes the robot's world."""

@@ -60,6 +60,7 @@ class Fault:
     seconds: float | None = None
     times: int | None = None
     amount: float | None = None
+    drawer: str | None = None
 
     def __post_init__(self) -> None:
         if (self.action is None) is (self.chance is None):
@@ -80,6 +81,7 @@ class Fault:
             "item": self.item,
             "with": self.other,
             "table": self.table,
+            "drawer": self.drawer,
             "share": None if self.share is None else repr(self.share),
             "seconds": None if self.seconds is None else f"{self.seconds:.6f}".rstrip("0").rstrip("."),
             "amount": None if self.amount is None else f"{self.amount:.6f}".rstrip("0").rstrip("."),
@@ -101,16 +103,17 @@ def parse_fault(
     items: Collection[str] | None = None,
     tables: Collection[str] | None = None,
     cameras: Collection[str] | None = None,
+    drawers: Collection[str] | None = None,
 ) -> Fault:
     """Parses one fault in the notation of the command line.
 
     Args:
-        items, tables, cameras: what may be named; None takes any name.
+        items, tables, cameras, drawers: what may be named; None takes any name.
 
     Raises:
         InputError: it is not such a fault; says what is wrong with it and what would be right.
     """
-    return _Reader(spec, items, tables, cameras).fault()
+    return _Reader(spec, items, tables, cameras, drawers).fault()
 
 
 def read_faults(file: Path) -> tuple[str, ...]:
@@ -146,8 +149,10 @@ class _Reader:
         items: Collection[str] | None,
         tables: Collection[str] | None,
         cameras: Collection[str] | None,
+        drawers: Collection[str] | None,
     ) -> None:
         self._spec, self._items, self._tables, self._cameras = spec, items, tables, cameras
+        self._drawers = drawers
         head, self._colon, rest = spec.strip().partition(":")
         self._name, early, early_when = head.partition("@")
         self._rest, late, late_when = rest.partition("@")
@@ -170,10 +175,12 @@ class _Reader:
             self._refuse(f"say how: {', '.join(self._kind.ways)}")
         item, other = (_as_written(given.get(key), self._items) for key in ("item", "with"))
         table, camera = _as_written(given.get("table"), self._tables), given.get("camera")
+        drawer = _as_written(given.get("drawer"), self._drawers)
         for named, what, valid in (
             (item, "an item", self._items),
             (other, "an item", self._items),
             (table, "a table", self._tables),
+            (drawer, "a drawer", self._drawers),
         ):
             if named is not None and not _NAME.fullmatch(named):
                 self._refuse(f"{named!r} is no name of {what}")
@@ -204,6 +211,7 @@ class _Reader:
             None if seconds is None else float(seconds),
             None if times is None else int(times),
             amount,
+            drawer,
         )
 
     def _when(self) -> tuple[int | None, int | None]:

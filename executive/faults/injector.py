@@ -43,6 +43,8 @@ class FaultInjector:
         self._waiting = {*self._due(("drop", "slip"), step)}
         for place in self._due(("miss", "no-effect"), step):
             self._break(place, action)
+        for place in self._due(("jam",), step):
+            self._break(place, action, about=" ".join(step.args))
         self._meddle("before", step)
 
     def on_phase(self, action: int, step: Step, phase: Phase) -> None:
@@ -90,7 +92,7 @@ class FaultInjector:
             place
             for place, fault in enumerate(self._faults)
             if fault.kind in kinds
-            and (step is None or fault.kind in BY_SOMEONE or fault.item is None or fault.item in step.args)
+            and (step is None or fault.kind in BY_SOMEONE or {fault.item, fault.drawer} <= {None, *step.args})
             and (fault.covers(self._action) if fault.chance is None else self._strikes(place, fault.chance))
         ]
 
@@ -106,11 +108,12 @@ class FaultInjector:
         if self._at_work and self._action == action:  # the action may have ended before the moment came
             self._break(place, action)
 
-    def _break(self, place: int, action: int) -> None:
+    def _break(self, place: int, action: int, **arguments: str) -> None:
         fault = self._faults[place]
-        named = {"item": fault.item, "with": fault.other, "table": fault.table} if fault.kind in BY_SOMEONE else {}
-        arguments = {key: name for key, name in named.items() if name is not None}
-        if fault.kind in BY_SOMEONE and fault.seconds is not None:
+        if fault.kind in BY_SOMEONE:
+            named = {"item": fault.item, "with": fault.other, "table": fault.table, "drawer": fault.drawer}
+            arguments |= {key: name for key, name in named.items() if name is not None}
+        if fault.seconds is not None and (fault.kind in BY_SOMEONE or fault.kind == "jam"):
             arguments["seconds"] = repr(fault.seconds)
         detail = self._world.disturb(fault.kind, self.chance(place, action, _HOW), **arguments)
         self._report(FaultInjected(fault.kind, str(fault), action, detail))

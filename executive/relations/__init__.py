@@ -10,7 +10,18 @@ kinds.py   which relation belongs to a predicate, and the kinds of its arguments
 """
 
 from executive import former_names
-from executive.relations.basic import Kind, clear, directly_on, gripper_empty, gripping, in_region, on, takes
+from executive.relations.basic import (
+    Kind,
+    clear,
+    directly_on,
+    gripper_empty,
+    gripping,
+    in_region,
+    inside,
+    on,
+    open_,
+    takes,
+)
 from executive.relations.convex import Part
 from executive.relations.scene import CONTACT, Region, Relation, Scene, Solid
 
@@ -27,7 +38,9 @@ __all__ = [
     "gripper_empty",
     "gripping",
     "in_region",
+    "inside",
     "on",
+    "open_",
     "takes",
 ]
 

@@ -1,5 +1,5 @@
-"""The relations that come along: on a table, directly on a thing, with nothing on it, in a region of a table, between
-the fingers, and nothing between them."""
+"""The relations that come along: on a table, directly on a thing, with nothing on it, in a region of a table, inside a
+drawer or a container, an open drawer, between the fingers, and nothing between them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ from typing import Literal, TypeVar
 
 from executive.relations.scene import Scene
 
-Kind = Literal["item", "table", "thing", "region"]
-"""The kind of an argument: an [[item]] of the scene, a [[table]], either of both, or a [[region]]."""
+Kind = Literal["item", "table", "thing", "region", "surface", "receptacle", "drawer"]
+"""The kind of an argument: an [[item]] of the scene, a [[table]], a [[region]] or a [[drawer]]; a thing, which is an
+item or a surface; a surface, which is a table or a [[container]]; a receptacle, which is a container or a drawer."""
+
+_OPEN = 0.1
+"""The share of its travel from which on a drawer is open: what is less far out is closed."""
 
 _Relation = TypeVar("_Relation", bound=Callable[..., bool])
 
@@ -24,7 +28,7 @@ def takes(*kinds: Kind) -> Callable[[_Relation], _Relation]:
     return declare
 
 
-@takes("item", "table")
+@takes("item", "surface")
 def on(scene: Scene, item: str, table: str) -> bool:
     """The item rests on the table, directly or on other items, and is not gripped.
 
@@ -57,6 +61,20 @@ def in_region(scene: Scene, item: str, region: str) -> bool:
     """The item rests on the region's table, directly or on other items, with its centre of mass over the region."""
     where = scene.regions[region]
     return where.holds(scene.items[item].centre, scene.tables[where.table]) and on(scene, item, where.table)
+
+
+@takes("item", "receptacle")
+def inside(scene: Scene, item: str, receptacle: str) -> bool:
+    """The item rests on the floor of a drawer or a container, directly or on other items, with its centre of mass over
+    that floor."""
+    over = scene.tables[receptacle].beside(scene.items[item].centre) == 0.0
+    return over and on(scene, item, receptacle)
+
+
+@takes("drawer")
+def open_(scene: Scene, drawer: str) -> bool:
+    """The drawer is open by more than a tenth of its travel."""
+    return scene.openings[drawer] > _OPEN
 
 
 @takes("item")

@@ -25,14 +25,22 @@ COME_ALONG: Mapping[str, Relation] = MappingProxyType(
         "directly-on": basic.directly_on,
         "clear": basic.clear,
         "in-region": basic.in_region,
+        "inside": basic.inside,
+        "open": basic.open_,
         "gripping": basic.gripping,
         "gripper-empty": basic.gripper_empty,
     }
 )
 """Those of this package by name."""
 
-THINGS = frozenset({"item", "table"})
-"""What an argument of the kind `thing` may be."""
+ANY_OF: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        "thing": frozenset({"item", "table", "container"}),
+        "surface": frozenset({"table", "container"}),
+        "receptacle": frozenset({"container", "drawer"}),
+    }
+)
+"""What an argument of a kind may be that is no kind of the scene's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +126,7 @@ def check_kinds(kinds: Mapping[str, RelationKind], task: Task, kind_of: Mapping[
     stand there is of the kind; a predicate of which no atom could ever be true is a mistake.
 
     Args:
-        kind_of: each object of the scene -> "item", "table" or "region".
+        kind_of: each object of the scene -> "item", "table", "region", "container" or "drawer".
 
     Raises:
         DomainError: the first mistake; says which order would be right, if one is.
@@ -151,7 +159,7 @@ def check_kinds(kinds: Mapping[str, RelationKind], task: Task, kind_of: Mapping[
 
 
 def _fits(order: Sequence[str], kinds: Sequence[str], there: Mapping[str, set[str]]) -> bool:
-    return all(there[word] & (THINGS if kind == "thing" else {kind}) for word, kind in zip(order, kinds, strict=True))
+    return all(there[word] & ANY_OF.get(kind, {kind}) for word, kind in zip(order, kinds, strict=True))
 
 
 def _one(kind: str) -> str:

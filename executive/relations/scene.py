@@ -78,11 +78,12 @@ class Scene:
     """What is where.
 
     Attributes:
-        items, tables, regions: by name.
+        items, tables, regions: by name. The floors of containers and of drawers are tables, too.
         fingers: the left and the right one.
         feels: whether the fingers feel something between them.
         others: things that are there and of which nothing else is known.
         tolerance: m within which two solids touch.
+        openings: how far each drawer is open, as a share of its travel.
     """
 
     items: Mapping[str, Solid]
@@ -92,6 +93,7 @@ class Scene:
     others: Sequence[Solid] = ()
     tolerance: float = CONTACT
     regions: Mapping[str, Region] = field(default_factory=lambda: MappingProxyType({}))
+    openings: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     _told: dict[tuple[int, int], tuple[bool, Solid, Solid]] = field(default_factory=dict, init=False, repr=False)
     """What was found to touch, with what keeps the numbers that it is filed under from being given away."""
 

@@ -1,6 +1,6 @@
 """Disturbances of the simulated world: the gripper opens, an item is moved, taken, swapped, tipped over or pushed off,
-a tower is toppled, or boxes are put on a table. No item is taken out of the gripper, and none is put where it touches
-the arm.
+a tower is toppled, boxes are put on a table, or a drawer is stuck or rolls shut. No item is taken out of the gripper,
+and none is put where it touches the arm.
 
 The boxes for blocking a table, and items that were taken away, are kept on the floor behind all cameras.
 """
@@ -82,9 +82,9 @@ def disturb(world: MujocoWorld, kind: str, rng: np.random.Generator, arguments: 
     for key in ("item", "with"):
         if key in arguments and arguments[key] not in world.items:
             raise InputError(f"no item {arguments[key]!r} to {kind}; {nearest(arguments[key], world.items)}")
-    tables = [table.name for table in world.spec.tables]
-    if "table" in arguments and arguments["table"] not in tables:
-        raise InputError(f"no table {arguments['table']!r}; {nearest(arguments['table'], tables)}")
+    for key, known in (("table", world.places()), ("drawer", world.drawers.specs)):
+        if key in arguments and arguments[key] not in known:
+            raise InputError(f"no {key} {arguments[key]!r}; {nearest(arguments[key], known)}")
     done = _DISTURBANCES[kind](world, rng, arguments)
     mujoco.mj_forward(world.model, world.data)
     return done
@@ -129,14 +129,14 @@ def _shove(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str,
         return "nothing was shoved: the robot holds it"
     before, others = world.pose(item), {name: pose for name, pose in world.poses().items() if name != item}
     for _ in range(_TRIES):
-        found = placement.free_spot(world.spec, world.shapes, item, others, rng, arguments.get("table"))
+        found = placement.free_spot(world.spec_now(), world.shapes, item, others, rng, arguments.get("table"))
         if found is None:
             break
         table, pose = found
         if _put(world, item, pose, table):
             _carry(world, {item: before}, arguments)
             world.settle(0.3)
-            return f"someone moved {item} to {table}"
+            return f"someone moved {item} {'into' if table in world.drawers.specs else 'to'} {table}"
     _place(world, item, before)
     return f"{item} was to be moved, but no table has room"
 
@@ -280,7 +280,7 @@ def _push(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, 
     if item is None:
         return "nothing was pushed: the robot holds it"
     table, shape = _under(world, item), world.shapes[item]
-    if table is None:
+    if not isinstance(table, TableSpec):
         return f"{item} was not pushed: it is on no table"
     here, robot = world.pose(item), np.asarray(world.spec.robot.position[:2])
     away = np.asarray(table.centre[:2]) - robot
@@ -298,6 +298,8 @@ def _push(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, 
 
 def _block(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
     tables = {table.name: table for table in world.spec.tables}
+    if arguments.get("table", "") not in ("", *tables):
+        return f"{arguments['table']} was not blocked: boxes are put on tables"
     table = tables[arguments.get("table") or str(rng.choice(sorted(tables)))]
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
     waiting = [name for name in world.boxes if world.pose(name)[2] < _BOX_HEIGHT]
@@ -317,6 +319,36 @@ def _block(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str,
     return f"someone put {put} {'box' if put == 1 else 'boxes'} on {table.name}"
 
 
+_JAMMED, _ROLL = 12.0, 3.0
+"""Seconds for which a drawer is stuck, and for which one rolls at most."""
+
+
+def _jam(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    drawer = next((name for name in arguments.get("about", "").split() if name in world.drawers.specs), None)
+    if (drawer := arguments.get("drawer", drawer)) is None:
+        return "nothing jammed: the action is about no drawer"
+    seconds = float(arguments.get("seconds", _JAMMED))
+    world.drawers.jam(drawer, world.time + seconds)
+    return f"{drawer} is stuck for {seconds:g} s"
+
+
+def _roll(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str, str]) -> str:
+    opened = [name for name in sorted(world.drawers.specs) if world.drawers.opening(name) > _AJAR]
+    drawer = arguments.get("drawer") or (opened[int(rng.integers(len(opened)))] if opened else None)
+    if drawer is None or drawer not in opened:
+        return "no drawer rolled shut: none is open" if drawer is None else f"{drawer} did not roll: it is not open"
+    world.drawers.roll(drawer, shut=True)
+    end = world.time + _ROLL
+    while world.time < end and world.drawers.opening(drawer) > _AJAR:
+        world.advance()
+    world.drawers.roll(drawer, shut=False)
+    world.settle(0.2)
+    return f"{drawer} rolled shut" if world.drawers.opening(drawer) <= _AJAR else f"{drawer} rolled, and was stopped"
+
+
+_AJAR = 0.002
+"""m up to which a drawer counts as shut."""
+
 _DISTURBANCES: Mapping[str, Callable[[MujocoWorld, np.random.Generator, Mapping[str, str]], str]] = {
     "drop": _drop,
     "miss": _miss,
@@ -328,6 +360,8 @@ _DISTURBANCES: Mapping[str, Callable[[MujocoWorld, np.random.Generator, Mapping[
     "topple": _topple,
     "push": _push,
     "block": _block,
+    "jam": _jam,
+    "roll": _roll,
 }
 
 
@@ -350,10 +384,10 @@ def _loose(world: MujocoWorld, rng: np.random.Generator, item: str | None, besid
     return None if item == gripped else item
 
 
-def _under(world: MujocoWorld, item: str) -> TableSpec | None:
-    """The table under an item, by its position."""
+def _under(world: MujocoWorld, item: str) -> placement.Place | None:
+    """The table under an item, or the floor of the drawer or container that it is in, by its position."""
     pose, shape = world.pose(item), world.shapes[item]
-    for table in world.spec.tables:
+    for table in sorted(world.places().values(), key=lambda place: isinstance(place, TableSpec)):  # the uppermost first
         cos, sin = np.cos(table.yaw), np.sin(table.yaw)
         x, y = pose[:2] - np.asarray(table.centre[:2])
         inside = abs(cos * x + sin * y) <= 0.5 * table.size[0] and abs(cos * y - sin * x) <= 0.5 * table.size[1]

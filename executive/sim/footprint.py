@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from executive.sim.fixtures import Floor
 from executive.sim.spec import TableSpec
 from executive.types import FloatArray
 
@@ -36,7 +37,7 @@ class Outline:
             cos, sin = np.ones_like(cos), np.zeros_like(sin)
         return np.stack([cos * self.x + sin * self.y, sin * self.x + cos * self.y], axis=-1)
 
-    def fits(self, table: TableSpec, margin: float) -> bool:
+    def fits(self, table: TableSpec | Floor, margin: float) -> bool:
         """Whether it can lie within a table's top in some direction, `margin` from every edge."""
         room = 0.5 * np.asarray(table.size[:2]) - margin
         return bool((self.extent(_TURNS) <= room + 1e-9).all(axis=-1).any())
@@ -66,12 +67,12 @@ def resting(shape: ItemShape) -> tuple[Outline, ...]:
     return tuple(sorted(sides, key=lambda side: side != upright))
 
 
-def too_large(shape: ItemShape, table: TableSpec) -> bool:
+def too_large(shape: ItemShape, table: TableSpec | Floor) -> bool:
     """Whether an item fits on a table in no way in which it can rest there."""
     return not any(outline.fits(table, 0.0) for outline in resting(shape))
 
 
-def top(table: TableSpec) -> str:
+def top(table: TableSpec | Floor) -> str:
     """A table's size in words."""
     wide, deep = (100.0 * extent for extent in table.size[:2])
     return f"{wide:.1f} x {deep:.1f} cm"

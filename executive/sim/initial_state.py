@@ -1,7 +1,9 @@
-"""The initial state of a scene from a problem's `:init`: what each item stands on, and the item in the gripper.
+"""The initial state of a scene from a problem's `:init`: what each item stands on or is in, which drawers are open, and
+the item in the gripper.
 
 What is set up are the table of an item (`on`), the table or item that it stands on (`directly-on`), the region that it
-is in (`in-region`), and the item in the gripper (`gripping`). Every other literal of `:init` is checked afterwards, and
+is in (`in-region`), the drawer or container (`inside`), whether a drawer is open (`open`), and the item in the gripper
+(`gripping`). Every other literal of `:init` is checked afterwards, and
 refused if it does not hold: none is ignored.
 """
 
@@ -16,6 +18,7 @@ from typing import NoReturn
 from executive.errors import DomainError, nearest
 from executive.relations.kinds import RelationKind
 from executive.sim import footprint, graspable
+from executive.sim.placement import places
 from executive.sim.scene import ItemShape
 from executive.sim.spec import SceneSpec
 from executive.types import Atom, Facts
@@ -26,15 +29,16 @@ Declared = Mapping[Atom, tuple[bool, int]]
 
 @dataclass(frozen=True, slots=True)
 class InitialState:
-    """The initial state of a run: the table of each item in `placed`, the excluded tables of each in `barred`, the item
-    that each stands on in `stacked` (none of these is in `placed`), the region of each in `regions`, and the item in
-    the gripper. The rest is sampled."""
+    """The initial state of a run: the table, drawer or container of each item in `placed`, the excluded ones of each in
+    `barred`, the item that each stands on in `stacked` (none of these is in `placed`), the region of each in `regions`,
+    the drawers that are open or closed in `opened`, and the item in the gripper. The rest is sampled."""
 
     placed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     barred: Mapping[str, frozenset[str]] = field(default_factory=lambda: MappingProxyType({}))
     held: str | None = None
     stacked: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     regions: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    opened: Mapping[str, bool] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def read_initial_state(
@@ -48,12 +52,15 @@ def read_initial_state(
     Raises:
         DomainError: it contradicts itself, or asks for what no scene can be.
     """
-    tables = [table.name for table in spec.tables]
+    surfaces = [name for name, kind in spec.kinds.items() if kind in ("table", "container")]
+    receptacles = [*spec.floors]
+    homes = [*(table.name for table in spec.tables), *(drawer.name for drawer in spec.drawers)]
     items = [item.name for item in spec.items]
     placed: dict[str, str] = {}
     barred: dict[str, frozenset[str]] = {}
     stacked: dict[str, str] = {}
     regions: dict[str, str] = {}
+    opened: dict[str, bool] = {}
     since: dict[str, int] = {}
     held: str | None = None
     empty: tuple[bool, int] | None = None
@@ -78,12 +85,15 @@ def read_initial_state(
                     line, f"{item} is in {regions[item]} already, by line {since[f'{item} in']}, and in one region only"
                 )
             since.setdefault(f"{item} in", line)
-        elif kind.name == "on" or (kind.name == "directly-on" and value):
+        elif kind.name == "open":
+            opened[things[0]] = value
+        elif kind.name in ("on", "inside") or (kind.name == "directly-on" and value):
             item, table = things
+            where, what = ("in", "drawer or container") if kind.name == "inside" else ("on", "table or container")
             if item not in items:
-                fail(line, f"{item} is declared to be on {table!r}, and is no item; {nearest(item, items)}")
-            if table not in tables:
-                fail(line, f"{item} is declared to be on {table!r}, which is no table; {nearest(table, tables)}")
+                fail(line, f"{item} is declared to be {where} {table!r}, and is no item; {nearest(item, items)}")
+            if table not in (known := receptacles if kind.name == "inside" else surfaces):
+                fail(line, f"{item} is declared to be {where} {table!r}, which is no {what}; {nearest(table, known)}")
             if not value:
                 barred[item], since[f"not {item}"] = barred.get(item, frozenset()) | {table}, line
             elif item == held:
@@ -91,7 +101,7 @@ def read_initial_state(
             elif item in stacked and kind.name == "directly-on":
                 fail(line, f"{item} is on {stacked[item]} already, by line {since[item]}")
             elif placed.setdefault(item, table) != table:
-                fail(line, f"{item} is on {placed[item]} already, by line {since[item]}, and can be on one table only")
+                fail(line, f"{item} is on {placed[item]} already, by line {since[item]}, and can be in one place only")
             else:
                 since[item] = line
         elif kind.name == "gripping" and value:
@@ -108,8 +118,8 @@ def read_initial_state(
     if empty is not None and not empty[0] and held is None:
         fail(empty[1], "the hand is empty unless :init puts an item into it; say which one")
     for item, without in barred.items():
-        if placed.get(item) in without or (item not in placed and item != held and without.issuperset(tables)):
-            fail(since[f"not {item}"], f"{item} has to be somewhere: on a table, or in the hand")
+        if placed.get(item) in without or (item not in placed and item != held and without.issuperset(homes)):
+            fail(since[f"not {item}"], f"{item} has to be somewhere: on a table, in a drawer, or in the hand")
     for item in stacked:
         tower = [item]
         while (under := stacked.get(tower[-1])) is not None:
@@ -120,7 +130,12 @@ def read_initial_state(
             fail(since[item], f"{item} is on {stacked[item]}, and {held} is in the hand, by line {since[held]}")
         placed.pop(item, None)  # it is where what it stands on is; whether that is there is checked afterwards
     return InitialState(
-        MappingProxyType(placed), MappingProxyType(barred), held, MappingProxyType(stacked), MappingProxyType(regions)
+        MappingProxyType(placed),
+        MappingProxyType(barred),
+        held,
+        MappingProxyType(stacked),
+        MappingProxyType(regions),
+        MappingProxyType(opened),
     )
 
 
@@ -128,16 +143,16 @@ def too_large(
     atoms: Iterable[Atom], kinds: Mapping[str, RelationKind], shapes: Mapping[str, ItemShape], spec: SceneSpec
 ) -> dict[Atom, str]:
     """The atoms that put an item on a table for which it is too large in every pose, each with the reason."""
-    tables = {table.name: table for table in spec.tables}
+    tables = places(spec)
     found = {}
     for atom in atoms:
         kind = kinds[atom.predicate]
-        if kind.name == "on":
+        if kind.name in ("on", "inside"):
             item, name = kind.about(atom)
             if item in shapes and name in tables and footprint.too_large(shapes[item], tables[name]):
                 size = " x ".join(f"{200.0 * half:.1f}" for half in shapes[item].half)
-                there = footprint.top(tables[name])
-                found[atom] = f"{item}, {size} cm, does not fit on {name}, {there}, whichever way it lies"
+                there, into = footprint.top(tables[name]), "on" if kind.name == "on" else "into"
+                found[atom] = f"{item}, {size} cm, does not fit {into} {name}, {there}, whichever way it lies"
     return found
 
 
@@ -151,7 +166,7 @@ def cannot_be_taken(
     return {atom: why[item] for atom, item in moved.items() if item in why}
 
 
-_MOVED = frozenset({"on", "directly-on", "in-region", "gripping"})
+_MOVED = frozenset({"on", "directly-on", "in-region", "inside", "gripping"})
 """The relations whose first argument is an item that is taken to where they hold."""
 
 
@@ -165,8 +180,8 @@ def check_initial_state(declared: Declared, truth: Callable[[Sequence[Atom]], Fa
     for atom, (value, line) in sorted(declared.items(), key=lambda entry: entry[1][1]):
         if facts[atom] is not value:
             raise DomainError(
-                f":init: {atom} is {'not ' * value}so once the scene is set up: it sets up what is on which table and "
-                "what the hand holds; leave out what does not follow from that",
+                f":init: {atom} is {'not ' * value}so once the scene is set up: it sets up what is on or in what, "
+                "which drawers are open and what the hand holds; leave out what does not follow from that",
                 file=file,
                 key=f"line {line}",
             )

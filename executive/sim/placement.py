@@ -1,4 +1,5 @@
-"""Where items are put: upright, at random, apart, on a table and within the robot's reach."""
+"""Where items are put: upright, at random, apart, on a table or the floor of a drawer or container, and within the
+robot's reach."""
 
 from __future__ import annotations
 
@@ -10,9 +11,13 @@ import numpy as np
 
 from executive.errors import DomainError, nearest
 from executive.sim import footprint
+from executive.sim.fixtures import Floor
 from executive.sim.scene import ItemShape
 from executive.sim.spec import RegionSpec, SceneSpec, TableSpec
 from executive.types import FloatArray
+
+Place = TableSpec | Floor
+"""What an item can be put on."""
 
 _ROUNDS, _TRIES = 200, 60
 """How often it is begun anew to find places by real outlines, and how many spots are tried for each item."""
@@ -31,8 +36,9 @@ def draw(
     stacked: Mapping[str, str] = MappingProxyType({}),
     regions: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, FloatArray]:
-    """A pose (7,) for every item. `placed` fixes the table of some, `barred` says where some do not stand, `stacked`
-    which item some stand on, and `regions` in which region some are; the rest stand on any table.
+    """A pose (7,) for every item. `placed` fixes the table, drawer or container of some, `barred` says where some do
+    not stand, `stacked` which item some stand on, and `regions` in which region some are; the rest are on any table or
+    in any drawer.
 
     Items are kept apart by the circles around them, which is quick; where no place is found so, by their outlines.
 
@@ -42,11 +48,10 @@ def draw(
     """
     if stacked or regions:
         return _draw_towers(spec, shapes, placed, rng, file, barred, stacked, regions)
-    tables = [table.name for table in spec.tables]
     for item, table in placed.items():
-        if table not in tables:
+        if table not in (known := places(spec)):
             raise DomainError(
-                f"{item} is declared to be on {table!r}, which is no table; {nearest(table, tables)}", file=file
+                f"{item} is declared to be on {table!r}, which is no table; {nearest(table, known)}", file=file
             )
     for _ in range(50):
         poses: dict[str, FloatArray] = {}
@@ -73,7 +78,7 @@ def _draw_towers(
 ) -> dict[str, FloatArray]:
     """What `draw` draws where some items stand on others, or in regions: the lowest item of each tower with room for
     the widest, those in regions first, and the others upon it, centred."""
-    tables, where = {table.name: table for table in spec.tables}, {region.name: region for region in spec.regions}
+    tables, where = places(spec), {region.name: region for region in spec.regions}
     towers = {item: [item] for item in shapes if item not in stacked}
     for item in shapes:
         base = item
@@ -145,7 +150,7 @@ def _draw_by_outlines(
     allowed = {
         item: tuple(
             table
-            for table in spec.tables
+            for table in among(spec, placed.get(item))
             if placed.get(item, table.name) == table.name and table.name not in barred.get(item, ())
         )
         for item in shapes
@@ -166,7 +171,8 @@ def _draw_by_outlines(
                 here = footprint.Placed(outline, spot, yaw)
                 if (
                     (free > 0).all()
-                    and _within_reach(spec, spot)
+                    and _within_reach(spec, table, spot)
+                    and _apart_from_fixtures(spec, table, spot, float(np.hypot(outline.x, outline.y)))
                     and all(here.apart(other) >= spec.placement.gap for other in there)
                 ):
                     poses[item] = upright(shapes[item], spot, table, yaw)
@@ -185,14 +191,14 @@ def _draw_by_outlines(
     )
 
 
-def _standable(spec: SceneSpec, shape: ItemShape, tables: tuple[TableSpec, ...], file: Path) -> tuple[TableSpec, ...]:
+def _standable(spec: SceneSpec, shape: ItemShape, tables: tuple[Place, ...], file: Path) -> tuple[Place, ...]:
     """Those of the tables on which an item could stand if it were alone.
 
     Raises:
         DomainError: there are none, and whether for the item's size or for the arm's reach.
     """
     outline, margin = footprint.standing(shape), spec.placement.margin
-    large = [table for table in tables if outline.fits(table, margin)]
+    large = [table for table in tables if outline.fits(table, margin) and _is_low(shape, table)]
     if not large:
         sizes = " or ".join(f"{table.name}, {footprint.top(table)}" for table in tables)
         raise DomainError(
@@ -213,22 +219,50 @@ def _standable(spec: SceneSpec, shape: ItemShape, tables: tuple[TableSpec, ...],
     return reachable
 
 
-def _somewhere_within_reach(spec: SceneSpec, outline: footprint.Outline, table: TableSpec) -> bool:
+def _is_low(shape: ItemShape, place: Place) -> bool:
+    """Whether an item that stands upright fits under what closes a place from above."""
+    return not isinstance(place, Floor) or 2.0 * float(shape.half[2]) <= place.room
+
+
+def _somewhere_within_reach(spec: SceneSpec, outline: footprint.Outline, table: Place) -> bool:
     across, along = np.meshgrid(_RASTER, _RASTER)
     shares = np.stack([across.ravel(), along.ravel()], axis=-1)
     for yaw in np.linspace(0.0, np.pi, 37):
         free = _free_half(spec, outline, table, table.yaw + float(yaw))
-        if (free > 0).all() and any(_within_reach(spec, _on(table, share * free)) for share in shares):
+        if (free > 0).all() and any(_within_reach(spec, table, _on(table, share * free)) for share in shares):
             return True
     return False
 
 
-def _within_reach(spec: SceneSpec, spot: FloatArray) -> bool:
+def places(spec: SceneSpec) -> dict[str, Place]:
+    """Everything that items can be put on, by name; drawers are as far open as the scene says."""
+    return {**{table.name: table for table in spec.tables}, **spec.floors}
+
+
+def among(spec: SceneSpec, named: str | None) -> tuple[Place, ...]:
+    """Where an item may be put: on any table and in any drawer; in a container only if that is `named`."""
+    every = places(spec)
+    return tuple(each for name, each in every.items() if name == named or spec.kinds[name] != "container")
+
+
+def _within_reach(spec: SceneSpec, place: Place, spot: FloatArray) -> bool:
+    """Whether the arm reaches a spot (2,); in a drawer, once that is open."""
     near, far = spec.robot.reach
+    drawer = next((drawer for drawer in spec.drawers if drawer.name == place.name), None)
+    if drawer is not None:
+        spot = spot + (1.0 - drawer.open) * drawer.stroke * drawer.axis[:2]
     return near <= float(np.hypot(spot[0] - spec.robot.position[0], spot[1] - spec.robot.position[1])) <= far
 
 
-def _free_half(spec: SceneSpec, outline: footprint.Outline, table: TableSpec, yaw: float) -> FloatArray:
+def _apart_from_fixtures(spec: SceneSpec, place: Place, spot: FloatArray, radius: float) -> bool:
+    """Whether a disc around a spot (2,) of a table keeps the scene's gap from containers, and from drawers wherever
+    they slide."""
+    if isinstance(place, Floor):
+        return True
+    return all(each.beside(spot) >= radius + spec.placement.gap for each in spec.covered)
+
+
+def _free_half(spec: SceneSpec, outline: footprint.Outline, table: Place, yaw: float) -> FloatArray:
     """Half the extents (2,) of where on a table, along its axes, the centre of an outline turned by `yaw` may be."""
     return 0.5 * np.asarray(table.size[:2]) - spec.placement.margin - outline.extent(yaw - table.yaw)
 
@@ -245,13 +279,14 @@ def free_spot(
     """A random upright pose for one item that keeps its distance from all others: (table, pose), or None."""
     shape = shapes[item]
     radius = circle(shape)
+    choice = among(spec, table)
     for _ in range(200):
-        top = spec.tables[int(rng.integers(len(spec.tables)))]
+        top = choice[int(rng.integers(len(choice)))]
         yaw = float(rng.uniform(-np.pi, np.pi))
         spot = random_point(top, radius + spec.placement.margin, rng)
-        if spot is None or (table is not None and top.name != table) or top.name in barred:
+        if spot is None or (table is not None and top.name != table) or top.name in barred or not _is_low(shape, top):
             continue
-        if not _within_reach(spec, spot):
+        if not _within_reach(spec, top, spot) or not _apart_from_fixtures(spec, top, spot, radius):
             continue
         apart = (
             np.hypot(*(pose[:2] - spot)) >= radius + circle(shapes[other]) + spec.placement.gap
@@ -267,14 +302,14 @@ def circle(shape: ItemShape) -> float:
     return float(shape.half[0] if shape.axis == 2 or shape.is_ball else np.hypot(shape.half[0], shape.half[1]))
 
 
-def random_point(table: TableSpec, inset: float, rng: np.random.Generator) -> FloatArray | None:
+def random_point(table: Place, inset: float, rng: np.random.Generator) -> FloatArray | None:
     """A uniformly random point (2,) of the table's top, `inset` from every edge; None when nothing is left."""
     half = 0.5 * np.asarray(table.size[:2]) - inset
     local = rng.uniform(-1.0, 1.0, 2) * half
     return None if (half <= 0).any() else _on(table, local)
 
 
-def _on(table: TableSpec, local: FloatArray) -> FloatArray:
+def _on(table: Place, local: FloatArray) -> FloatArray:
     """The point (2,) in the world of a point (2,) of a table's top in its own frame."""
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
     return np.array(
@@ -282,7 +317,7 @@ def _on(table: TableSpec, local: FloatArray) -> FloatArray:
     )
 
 
-def upright(shape: ItemShape, spot: FloatArray, table: TableSpec, yaw: float) -> FloatArray:
+def upright(shape: ItemShape, spot: FloatArray, table: Place, yaw: float) -> FloatArray:
     """The pose (7,) of an item that stands on the table with the centre of its outline at `spot`."""
     return standing_at(shape, spot, table.centre[2], yaw)
 

@@ -14,6 +14,7 @@ from typing import Protocol
 
 import mujoco
 
+from executive.sim.fixtures import ContainerSpec, DrawerSpec
 from executive.sim.scene import ItemShape
 from executive.sim.spec import RegionSpec, TableSpec
 from executive.types import FloatArray, PointCloud, PosesEstimated
@@ -52,6 +53,8 @@ class Handle:
     """The boxes among the shapes that stand for what is there and is no known item."""
     regions: Mapping[str, RegionSpec] = field(default_factory=lambda: MappingProxyType({}))
     """The named parts of tables."""
+    containers: Mapping[str, ContainerSpec] = field(default_factory=lambda: MappingProxyType({}))
+    drawers: Mapping[str, DrawerSpec] = field(default_factory=lambda: MappingProxyType({}))
     keep_trees: bool = False
     """Whether motions are reported with their search tree, for the viewer."""
 
@@ -93,6 +96,14 @@ class Body(Protocol):
     def obstacles(self) -> dict[str, FloatArray]:
         """The poses of all that is in the way: of the items that are found, and of as many of the handle's `unknown`
         boxes as it takes to cover everything else."""
+        ...
+
+    def openings(self) -> dict[str, float]:
+        """How far each drawer is open, in m, as far as it can be seen."""
+        ...
+
+    def locate_handle(self, drawer: str) -> FloatArray:
+        """The middle (3,) of the bar of a drawer's handle, which is to be grasped."""
         ...
 
     def estimated_poses(self) -> PosesEstimated | None:

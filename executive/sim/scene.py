@@ -7,12 +7,14 @@ that moves an item but forces.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from executive.sim import assets, meshes
+from executive.sim.fixtures import Block, DrawerSpec
 from executive.sim.spec import TEXTURES, CameraSpec, ItemSpec, RegionSpec, SceneSpec, TableSpec
 from executive.types import FloatArray
 
@@ -114,6 +116,11 @@ def build(spec: SceneSpec, *, visuals: bool = True) -> mujoco.MjSpec:
     if visuals:
         for region in spec.regions:
             _region(scene, region)
+    for container in spec.containers:
+        fixed = scene.worldbody.add_body(name=container.name, pos=container.centre, quat=_about_z(container.yaw))
+        _blocks(fixed, container.name, container.blocks(), container.rgba)
+    for drawer in spec.drawers:
+        _drawer(scene, drawer)
     for item in spec.items:
         _item(scene, item)
     for camera in spec.cameras:
@@ -301,6 +308,55 @@ def _region(scene: mujoco.MjSpec, region: RegionSpec) -> None:
         name=f"{region.name}/paint", type=mujoco.mjtGeom.mjGEOM_BOX, group=VISUAL, contype=0, conaffinity=0,
         size=[0.5 * region.size[0], 0.5 * region.size[1], _PAINT], pos=[*region.centre, top], rgba=region.rgba,
     )  # fmt: skip
+
+
+def _about_z(yaw: float) -> list[float]:
+    return [math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)]
+
+
+_CASE = 0.82
+"""How bright a drawer's case is, as a share of the drawer itself."""
+
+_STOP = ([0.006, 1.0], [0.95, 0.99, 0.001, 0.5, 2.0])
+"""How hard the ends of a drawer's way are (MuJoCo's solref and solimp)."""
+
+
+_STICTION = [0.99, 0.9999, 0.001, 0.5, 2.0]
+"""How hard a drawer's friction is (MuJoCo's solimp): by default, a drawer that sticks creeps along."""
+
+
+def _drawer(scene: mujoco.MjSpec, drawer: DrawerSpec) -> None:
+    """A drawer on a joint that slides, in a case that touches everything but the drawer."""
+    case, turn = f"{drawer.name}/case", _about_z(drawer.yaw)
+    fixed = scene.worldbody.add_body(name=case, pos=drawer.front, quat=turn)
+    _blocks(fixed, case, drawer.case(), (*(_CASE * c for c in drawer.rgba[:3]), drawer.rgba[3]))
+    body = scene.worldbody.add_body(name=drawer.name, pos=drawer.front, quat=turn)
+    body.add_joint(
+        name=slide_of(drawer.name), type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1.0, 0.0, 0.0], limited=True,
+        range=[0.0, drawer.stroke], frictionloss=drawer.friction, damping=[drawer.damping, 0.0, 0.0],
+        solref_limit=_STOP[0], solimp_limit=_STOP[1], solimp_friction=_STICTION,
+    )  # fmt: skip
+    blocks = drawer.blocks()
+    _blocks(body, drawer.name, blocks, drawer.rgba)
+    volume = sum(8.0 * math.prod(block.half) for block in blocks)
+    for geom in body.geoms:
+        geom.density = drawer.mass / volume
+    bar = scene.geom(f"{drawer.name}/handle")
+    bar.rgba, bar.friction, bar.condim = [0.55, 0.57, 0.6, 1.0], [0.8, 0.02, 0.001], 4
+    scene.add_exclude(bodyname1=case, bodyname2=drawer.name)
+
+
+def slide_of(drawer: str) -> str:
+    """The name of the joint that a drawer slides on."""
+    return f"{drawer}/slide"
+
+
+def _blocks(body: mujoco.MjsBody, name: str, blocks: Iterable[Block], rgba: Sequence[float]) -> None:
+    for block in blocks:
+        body.add_geom(
+            name=f"{name}/{block.name}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=block.centre, size=block.half, rgba=rgba,
+            friction=[1.0, 0.005, 0.0001], group=ITEM,
+        )  # fmt: skip
 
 
 _PRIMITIVES = {

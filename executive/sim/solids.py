@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 
 from executive.relations import Part, Region, Scene, Solid
+from executive.sim.fixtures import Floor
+from executive.sim.scene import slide_of
 from executive.sim.spec import SceneSpec
 from executive.types import FloatArray
 
@@ -34,7 +36,9 @@ class Solids:
                 _about_z(table.yaw),
             )
             for table in spec.tables
-        }
+        } | {container.name: floor_solid(container.floor, container.wall) for container in spec.containers}
+        """All that stays where it is and carries items."""
+        self._drawers = {drawer: int(model.joint(slide_of(drawer.name)).qposadr[0]) for drawer in spec.drawers}
         self.regions: Mapping[str, Region] = {
             region.name: Region(region.table, region.centre, (0.5 * region.size[0], 0.5 * region.size[1]))
             for region in spec.regions
@@ -48,7 +52,16 @@ class Solids:
     def scene(self, data: mujoco.MjData) -> Scene:
         """Return the scene of a state, with kinematics and contacts computed."""
         items = {name: self._solid(data, self._model.body(name).id, geoms) for name, geoms in self._items.items()}
-        return Scene(items, self.tables, self.fingers(data), self._feels(data), regions=self.regions)
+        opened = {drawer: float(data.qpos[at]) for drawer, at in self._drawers.items()}
+        floors = {drawer.name: floor_solid(drawer.floor(m), drawer.wall) for drawer, m in opened.items()}
+        return Scene(
+            items,
+            {**self.tables, **floors},
+            self.fingers(data),
+            self._feels(data),
+            regions=self.regions,
+            openings={drawer.name: m / drawer.stroke for drawer, m in opened.items()},
+        )
 
     def fingers(self, data: mujoco.MjData) -> tuple[Solid, Solid]:
         """Return the left and the right finger where a state has them."""
@@ -73,6 +86,12 @@ class Solids:
                     if mine in geoms and not any(other in each for each in self._fingers):
                         felt.add(side)
         return len(felt) == len(self._fingers)
+
+
+def floor_solid(floor: Floor, thickness: float) -> Solid:
+    """Return a floor as a slab of some `thickness` in m."""
+    half = np.array([0.5 * floor.size[0], 0.5 * floor.size[1], 0.5 * thickness])
+    return Solid.box(np.array(floor.centre) - [0.0, 0.0, half[2]], half, _about_z(floor.yaw))
 
 
 def _touchable(model: mujoco.MjModel, bodies: list[int], rooted: bool = False) -> list[int]:

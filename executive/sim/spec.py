@@ -1,4 +1,5 @@
-"""What a `scene.toml` may say: tables, items, cameras, the robot's place and home pose. Data only, checked at birth.
+"""What a `scene.toml` may say: tables, items, cameras, the robot's place and home pose; and drawers and containers, of
+which `fixtures.py` tells. Data only, checked at birth.
 
 Lengths are in m, angles in rad unless a key says degrees, positions in the world frame (z up, the floor at z = 0,
 +x from the robot towards the tables).
@@ -11,19 +12,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from executive.errors import DomainError, nearest
 from executive.sim.described import attributes_of, keys_of
+from executive.sim.fixtures import Colour, ContainerSpec, DrawerSpec, Floor, Name, Positive, Rectangle, Strict, Vec3
 from executive.util.files import read_toml
 from executive.util.validation import first_mistake
-
-Vec3 = tuple[float, float, float]
-Colour = tuple[float, float, float, float]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$"), AfterValidator(str.lower)]
-"""In small letters: PDDL, which these are the names of, knows no case."""
-
-Positive = Annotated[float, Field(gt=0)]
 
 ASSETS = ("milk", "bread", "lemon", "can", "cereal", "bottle")
 """robosuite's objects that an item may be made from."""
@@ -34,11 +29,7 @@ TEXTURES = {"wood": "light-wood.png", "dark-wood": "dark-wood.png", "ceramic": "
 """robosuite's textures that a table may wear."""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class RobotSpec(_Strict):
+class RobotSpec(Strict):
     """Where the arm stands and how it waits."""
 
     position: Vec3
@@ -56,7 +47,7 @@ class RobotSpec(_Strict):
         return self
 
 
-class TableSpec(_Strict):
+class TableSpec(Strict):
     """A box whose top face, at `centre`, carries items. `size` is the full extent along its own x, y and z; a `rim`
     stands that much higher around it."""
 
@@ -69,7 +60,7 @@ class TableSpec(_Strict):
     rim: Annotated[float, Field(ge=0, le=0.2)] = 0.0
 
 
-class RegionSpec(_Strict):
+class RegionSpec(Strict):
     """A rectangle of a table's top. `centre` is where its middle is from the middle of the table, and `size` its full
     extent, both along the table's own x and y; it is painted where it has a colour."""
 
@@ -80,7 +71,7 @@ class RegionSpec(_Strict):
     rgba: Colour | None = None
 
 
-class ItemPart(_Strict):
+class ItemPart(Strict):
     """The keys of an item that a value of an attribute decides."""
 
     asset: str | None = None
@@ -96,7 +87,7 @@ class ItemPart(_Strict):
         return self.model_dump(exclude_none=True)
 
 
-class ItemSpec(_Strict):
+class ItemSpec(Strict):
     """A thing to be moved: a robosuite asset, scaled (along its own x, y and z), or a primitive shape."""
 
     name: Name
@@ -130,7 +121,7 @@ class ItemSpec(_Strict):
         return self
 
 
-class CameraSpec(_Strict):
+class CameraSpec(Strict):
     """A fixed camera at `position` that looks at `target`. With `depth` it measures depth, too."""
 
     name: Name
@@ -154,20 +145,22 @@ class CameraSpec(_Strict):
         return self
 
 
-class PlacementSpec(_Strict):
+class PlacementSpec(Strict):
     """How items are put down at random: `gap` between any two (surface to surface), `margin` to the table's edge."""
 
     gap: Positive = 0.06
     margin: Annotated[float, Field(ge=0)] = 0.03
 
 
-class SceneSpec(_Strict):
+class SceneSpec(Strict):
     """A whole scene file."""
 
     robot: RobotSpec
     tables: Annotated[tuple[TableSpec, ...], Field(min_length=1, alias="table")]
     items: Annotated[tuple[ItemSpec, ...], Field(alias="item")] = ()
     regions: Annotated[tuple[RegionSpec, ...], Field(alias="region")] = ()
+    containers: Annotated[tuple[ContainerSpec, ...], Field(alias="container")] = ()
+    drawers: Annotated[tuple[DrawerSpec, ...], Field(alias="drawer")] = ()
     attributes: Mapping[str, Mapping[str, ItemPart]] = {}
     """What items can be described by: attribute -> value -> what it decides of an item."""
     cameras: Annotated[tuple[CameraSpec, ...], Field(min_length=1, alias="camera")]
@@ -203,7 +196,7 @@ class SceneSpec(_Strict):
             raise ValueError("there is no [[item]], and no [attributes] that items can be described by")
         tables = [table.name for table in self.tables]
         for kind, names in (
-            ("item, table or region", [*(item.name for item in self.items), *tables, *(r.name for r in self.regions)]),
+            ("item, table, region, container or drawer", [name for named in self._bodies.values() for name in named]),
             ("camera", [camera.name for camera in self.cameras]),
         ):
             twice = sorted({name for name in names if names.count(name) > 1})
@@ -217,13 +210,38 @@ class SceneSpec(_Strict):
         return self
 
     @property
-    def kinds(self) -> dict[str, str]:
-        """What each name stands for: an item, a table or a region."""
+    def _bodies(self) -> dict[str, list[str]]:
         return {
-            **{item.name: "item" for item in self.items},
-            **{table.name: "table" for table in self.tables},
-            **{region.name: "region" for region in self.regions},
+            "item": [item.name for item in self.items],
+            "table": [table.name for table in self.tables],
+            "region": [region.name for region in self.regions],
+            "container": [container.name for container in self.containers],
+            "drawer": [drawer.name for drawer in self.drawers],
         }
+
+    @property
+    def covered(self) -> tuple[Rectangle, ...]:
+        """What containers, and drawers wherever they slide, cover of the room seen from above."""
+        return (*(each.covers for each in self.containers), *(each.covers for each in self.drawers))
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """What each name stands for: an item, a table, a region, a container or a drawer."""
+        return {name: kind for kind, names in self._bodies.items() for name in names}
+
+    @property
+    def floors(self) -> dict[str, Floor]:
+        """The floors of containers, and of drawers as far as they are open at first, by name."""
+        drawers = (drawer.floor(drawer.open * drawer.stroke) for drawer in self.drawers)
+        return {floor.name: floor for floor in (*(each.floor for each in self.containers), *drawers)}
+
+    def with_drawers(self, opened: Mapping[str, float]) -> SceneSpec:
+        """The same scene with some drawers (name -> share of their travel) as far open at first."""
+        drawers = (
+            each.model_copy(update={"open": min(1.0, max(0.0, float(opened.get(each.name, each.open))))})
+            for each in self.drawers
+        )
+        return self.model_copy(update={"drawers": tuple(drawers)})
 
     def restricted_to(self, objects: Mapping[str, str], file: Path) -> SceneSpec:
         """The same scene with the items of one problem alone; those that it does not list are made from their names.
@@ -248,7 +266,7 @@ class SceneSpec(_Strict):
         Raises:
             DomainError: it describes none.
         """
-        why = f"add an [[item]] or [[table]] with this name; {nearest(name, self.kinds)}"
+        why = f"add an [[item]], [[table]], [[container]] or [[drawer]] with this name; {nearest(name, self.kinds)}"
         if self.attributes:
             parts = {
                 key: {v: part.keys_said() for v, part in values.items()} for key, values in self.attributes.items()

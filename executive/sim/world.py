@@ -17,6 +17,7 @@ import numpy as np
 from executive.errors import DomainError, InputError
 from executive.sim import depth_sensor, disturbances, photoreal, placement, scene, unknown
 from executive.sim import viewer_geometry as scenery
+from executive.sim.drawers import Drawers
 from executive.sim.rendering import Drawing, sensed
 from executive.sim.robot_api import ArmLimits, Handle, PoseSource
 from executive.sim.spec import SceneSpec, read_scene
@@ -58,8 +59,9 @@ class MujocoWorld:
         file: the domain's `scene.toml`.
         objects: the problem's objects, name -> type; every one needs a body in the scene.
         seed: fixes where the items stand and every error of perception.
-        placed: item -> table for the items whose place the problem declares.
-        barred: item -> tables on which it does not stand.
+        placed: item -> table, drawer or container for the items whose place the problem declares.
+        barred: item -> tables on which it does not stand, and drawers in which it is not.
+        opened: drawer -> whether it is open, for those of which the problem declares that.
         held: the item that the hand holds at the beginning, by contact and friction as ever.
         grasp_noise: standard deviation in m of the horizontal error with which a grasped item's pose is known.
         home_pose: whether skills end at the home pose.
@@ -94,8 +96,9 @@ class MujocoWorld:
         stacked: Mapping[str, str] = MappingProxyType({}),
         regions: Mapping[str, str] = MappingProxyType({}),
         renderer: str | None = None,
+        opened: Mapping[str, bool] = MappingProxyType({}),
     ) -> None:
-        spec = read_scene(file).restricted_to(objects, file)
+        spec = read_scene(file).restricted_to(objects, file).with_drawers(opened)
         if renderer is not None:
             cameras = tuple(camera.model_copy(update={"renderer": renderer}) for camera in spec.cameras)
             spec = spec.model_copy(update={"cameras": cameras})
@@ -108,6 +111,7 @@ class MujocoWorld:
         self.model = compiled(self.spec, file)
         self.data = mujoco.MjData(self.model)
         self.shapes = scene.item_shapes(self.model, self.spec)
+        self.drawers = Drawers({drawer.name: drawer for drawer in self.spec.drawers}, self.model, self.data)
         self._placement_rng, self._noise_rng = (
             np.random.default_rng(child) for child in np.random.SeedSequence([seed, 0x5EED]).spawn(2)
         )
@@ -147,6 +151,8 @@ class MujocoWorld:
             tables={table.name: table for table in self.spec.tables},
             shapes=self.shapes | unknown.shapes(spare),
             regions={region.name: region for region in self.spec.regions},
+            containers={container.name: container for container in self.spec.containers},
+            drawers=self.drawers.specs,
             unknown=frozenset(self.boxes).union(box.name for box in spare),
             camera_positions={camera.name: np.array(camera.position) for camera in self.spec.cameras},
             planning_spec=lambda: scene.build(stage, visuals=False),
@@ -232,6 +238,7 @@ class MujocoWorld:
             closed=self._closed,
             misplaced=misplaced,
             forced_open_until=self._forced_open_until,
+            drawers=self.drawers.state,
             rng=np.frombuffer(
                 repr([g.bit_generator.state for g in (self._placement_rng, self._noise_rng)]).encode(), np.uint8
             ),
@@ -248,6 +255,7 @@ class MujocoWorld:
             saved = parse_arrays(snapshot)
             state, misplaced = saved["state"], saved["misplaced"].astype(float).reshape(3)
             closed, forced = float(saved["closed"]), float(saved["forced_open_until"])
+            drawers = saved["drawers"].astype(float) if self.drawers.specs else np.zeros(0)
             generators = [np.random.default_rng(0), np.random.default_rng(0)]
             states = ast.literal_eval(saved["rng"].tobytes().decode())
             for generator, state_of_it in zip(generators, states, strict=True):
@@ -256,11 +264,14 @@ class MujocoWorld:
             raise InputError(f"not a snapshot of a world: {error}") from None
         if state.shape != (mujoco.mj_stateSize(self.model, _STATE),):
             raise InputError("the snapshot is of another scene: its state has another size")
+        if drawers.shape != self.drawers.state.shape or np.isnan(drawers).any():
+            raise InputError("the snapshot is of another scene: it has other drawers")
         if state.dtype != np.float64 or not np.isfinite([*state, closed, forced]).all():
             raise InputError("not a snapshot of a world: it has no numbers where they belong")
         mujoco.mj_setState(self.model, self.data, state, _STATE)
         mujoco.mj_forward(self.model, self.data)
         self._placement_rng, self._noise_rng = generators
+        self.drawers.state = drawers
         self._misplaced = None if np.isnan(misplaced).any() else misplaced
         self._forced_open_until, self._closed = forced, closed
         self._scheduled.clear()
@@ -301,6 +312,10 @@ class MujocoWorld:
             if item not in self._estimate.poses:
                 return None
             pose = np.array(self._estimate.poses[item].pose)
+        return self._mislocated(pose)
+
+    def _mislocated(self, pose: FloatArray) -> FloatArray:
+        """A position (3,) or a pose (7,) as it is known where one of its own is to be grasped."""
         pose[:2] += self._noise_rng.normal(0.0, 1.0, 2) * self._grasp_noise
         if self._misplaced is not None:
             pose[:3] += self._misplaced
@@ -314,6 +329,15 @@ class MujocoWorld:
         self._estimate = self._localized(self.localizer)
         found = {item: np.array(estimate.pose) for item, estimate in self._estimate.poses.items()}
         return found | unknown.covered(self._estimate.lumps)
+
+    @exclusive()
+    def openings(self) -> dict[str, float]:
+        return self.drawers.openings()
+
+    @exclusive()
+    def locate_handle(self, drawer: str) -> FloatArray:
+        opening = self.openings()[drawer]
+        return self._mislocated(self.drawers.specs[drawer].bar(opening))
 
     def estimated_poses(self) -> PosesEstimated | None:
         return self._estimate
@@ -341,6 +365,7 @@ class MujocoWorld:
             heapq.heappop(self._scheduled)[2]()
         closed = 0.0 if self.time < self._forced_open_until else self._closed
         self.data.ctrl[self._fingers] = closed * scene.FINGER_CLOSED
+        self.drawers.before_step()
         mujoco.mj_step(self.model, self.data, self._steps)
         if self._listener is not None and self.time >= self._next_frame:
             self._next_frame = self.time + FRAME_PERIOD
@@ -370,6 +395,7 @@ class MujocoWorld:
         self.data.qpos[self._arm] = frame.joints
         if frame.fingers is not None:
             self.data.qpos[self._finger_joints] = frame.fingers
+        self.drawers.show(frame.poses)
         for item, pose in frame.poses.items():
             if item in self._places:
                 self.put(item, pose)
@@ -390,7 +416,7 @@ class MujocoWorld:
         self._scheduled.clear()
         if hasattr(self, "model"):
             self.drawing.close()
-            del self.model, self.data, self.drawing
+            del self.model, self.data, self.drawing, self.drawers
 
     def pose(self, item: str) -> FloatArray:
         """Where an item is, (7,), without error."""
@@ -400,6 +426,15 @@ class MujocoWorld:
     def poses(self) -> dict[str, FloatArray]:
         """Where all items are, (7,) each, without error."""
         return {item: self.pose(item) for item in self._places}
+
+    def places(self) -> dict[str, placement.Place]:
+        """Everything that items can be put on, where it is now."""
+        return {**placement.places(self.spec), **self.drawers.floors()}
+
+    def spec_now(self) -> SceneSpec:
+        """The scene with its drawers as far open as they are now."""
+        shares = {name: m / self.drawers.specs[name].stroke for name, m in self.drawers.openings().items()}
+        return self.spec.with_drawers(shares)
 
     def _limits(self, file: Path) -> ArmLimits:
         ranges = np.array([self.model.joint(name).range for name in scene.JOINTS])
@@ -433,6 +468,8 @@ class MujocoWorld:
             mujoco.mj_resetData(self.model, self.data)
             self.data.qpos[self._arm] = home
             self.command(home, np.zeros(6))
+            for name, drawer in self.drawers.specs.items():
+                self.drawers.slide(name, drawer.open * drawer.stroke)
             shapes = {item: self.shapes[item] for item in self.items if item != held}
             poses = placement.draw(self.spec, shapes, placed, self._placement_rng, file, barred, stacked, regions)
             for item, pose in poses.items():
@@ -463,7 +500,7 @@ class MujocoWorld:
             raise DomainError(f"{item} is too wide for the hand to hold it upright", file=file, key="item")
         dof = self.model.joint(f"{item}/free").dofadr[0]
         self.put(item, pose)
-        if touched := self.touched_by(item) & {*self._places, *(table.name for table in self.spec.tables)}:
+        if touched := self.touched_by(item) & {*self._places, *placement.places(self.spec)}:
             raise DomainError(f"in the hand at home, {item} touches {min(touched)}", file=file, key="robot.home")
         self._closed = 1.0
         for _ in range(round(_HAND_OVER / CONTROL_PERIOD)):

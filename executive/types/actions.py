@@ -22,6 +22,10 @@ class SkillStatus(StrEnum):
     DROPPED = "dropped"
     FELL = "fell"  # it was put down, and did not stay where it was put
     COLLAPSED = "collapsed"  # what it was put on fell
+    CLOSED = "closed"  # the place is a drawer that is not open
+    JAMMED = "jammed"  # what is to slide does not move
+    STOPPED_SHORT = "stopped short"  # it moved, and not all of the way
+    SLIPPED = "slipped"  # the hand slipped off what it pulled or pushed
     TIMED_OUT = "timed out"
     CANCELLED = "cancelled"
     CRASHED = "crashed"
