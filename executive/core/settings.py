@@ -6,7 +6,15 @@ from dataclasses import dataclass
 
 from executive.types import SkillStatus
 
-_CHANCE = frozenset({SkillStatus.DONE, SkillStatus.GRASP_MISSED, SkillStatus.DROPPED})
+_CHANCE = frozenset(
+    {
+        SkillStatus.DONE,
+        SkillStatus.GRASP_MISSED,
+        SkillStatus.DROPPED,
+        SkillStatus.SLIPPED,
+        SkillStatus.STOPPED_SHORT,
+    }
+)
 """Statuses after which the same step may well succeed; after the others it will most likely fail the same way."""
 
 

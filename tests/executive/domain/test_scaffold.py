@@ -21,7 +21,7 @@ from executive.domain.skills import COME_ALONG as SKILLS
 from executive.errors import InputError
 from executive.relations.kinds import COME_ALONG
 from executive.s3e import Templates, load_instructions
-from executive.sim import spec
+from executive.sim import fixtures, spec
 from executive.sim.spec import read_scene
 
 WORDS_OF_PDDL = ("and", "or", "not", "imply", "exists", "forall", "when", "either", "define", "domain", "problem")
@@ -130,6 +130,8 @@ def mentions(file: str, key: str) -> bool:
         spec.CameraSpec,
         spec.PlacementSpec,
         spec.RegionSpec,
+        fixtures.ContainerSpec,
+        fixtures.DrawerSpec,
     ],
 )
 def test_every_key_of_a_scene_is_shown(model: type[BaseModel]) -> None:
