@@ -24,6 +24,7 @@ from benchmarks.viplan.recorded import Look, Run, Tasks
 from executive.app.assembly import make_executive
 from executive.belief import ActionModel, BayesMonitor, Monitor, MutexNetwork, SensorModel, StateSpace, ThresholdMonitor
 from executive.belief.action_model import process_noise
+from executive.belief.packed_actions import Actions
 from executive.belief.sensor_model import AnswerCounts, error_correlation
 from executive.core.settings import Settings
 from executive.domain.pddl import Schema
@@ -34,7 +35,7 @@ from executive.types import Atom, Belief, Condition, Facts, NoPlan, NoPlanReason
 
 PLAIN, WHOLE = MONITORS = ("plain threshold", "whole monitor")
 CORRELATION = 0.8
-MOST_KEPT = 5_000_000
+MOST_KEPT = 20_000_000
 """How many numbers a planner keeps of distances, and of states that should not be, before it begins to forget."""
 
 SETTINGS = {"max_cycles": 60, "max_actions": 40, "max_replans": 20, "max_looks": 150, "max_questions": 200}
@@ -135,9 +136,11 @@ class ListedPlanner:
     those that the state to plan from leads to, as where each answer was thresholded. What was worked out is kept, as
     models see the same impossible states again and again."""
 
-    def __init__(self, space: StateSpace, moves: Sequence[Step]) -> None:
+    def __init__(self, space: StateSpace, moves: Sequence[Step], actions: Actions | None = None) -> None:
         self._space = space
-        self._moves = [(step, space.successors(step)) for step in moves]
+        self._actions = Actions(space.atoms, moves, space.rules) if actions is None else actions
+        leads = [after.astype(np.int32) for after in space.transitions(self._actions)]
+        self._moves = list(zip(self._actions.steps, leads, strict=True))
         self._distances: dict[tuple[Condition, frozenset[Step]], np.ndarray[Any, Any]] = {}
         self._elsewhere: dict[frozenset[Atom], ListedPlanner | None] = {}
 
@@ -170,12 +173,12 @@ class ListedPlanner:
     def _for(self, true: frozenset[Atom]) -> ListedPlanner | None:
         """Return a planner for the states that this one leads to; None if there are too many."""
         if true not in self._elsewhere:
-            moves = [step for step, _ in self._moves]
-            space = StateSpace.reachable(self._space.atoms, moves, true, self._space.rules, most_work=1_000_000)
-            planner = None if space is None else ListedPlanner(space, moves)
-            if planner is not None:
-                sizes = [len(each._space) for each in self._elsewhere.values() if each is not None]
-                if (sum(sizes) + len(planner._space)) * len(moves) > MOST_KEPT:
+            known = [each for each in dict.fromkeys(self._elsewhere.values()) if each is not None]
+            planner = next((each for each in known if each._space.number(true) is not None), None)
+            if planner is None:
+                space = StateSpace.reachable(self._space.atoms, self._actions, true, most_work=1_000_000)
+                planner = None if space is None else ListedPlanner(space, (), self._actions)
+                if sum(len(each._space) for each in known) * len(self._moves) > MOST_KEPT:
                     self._elsewhere.clear()
             self._elsewhere[true] = planner
         return self._elsewhere[true]

@@ -26,7 +26,7 @@ from executive.belief.constrained import ConstrainedNetwork
 from executive.belief.interface import Judgement, Thresholds
 from executive.belief.last_known import LastKnown
 from executive.belief.mutex_inference import Group, MutexNetwork
-from executive.belief.priors import Listed, Prior, Weighted, predict
+from executive.belief.priors import Listed, Posterior, Prior, Weighted, infer, predict
 from executive.belief.priors import posterior as listed_posterior
 from executive.belief.sensor_model import LEAST_EVIDENCE, PastEvidence, SensorModel
 from executive.belief.state_space import StateSpace
@@ -55,9 +55,6 @@ HIDDEN_NOISE = 0.1
 
 _CERTAIN = 1e3
 """Log-odds far beyond any evidence, to condition on an atom."""
-
-_LEAST = 1e-300
-"""The least probability of a hypothesis that a logarithm is taken of."""
 
 _EDGE = 1e-6
 """Priors are clipped to [_EDGE, 1 - _EDGE]."""
@@ -109,18 +106,6 @@ class BeliefState:
         every = (self.evidence, *self.witnessed.values())
         atoms = {atom: None for each in every for atom in each}
         return {atom: tuple(value for each in every for value in each.get(atom, ())) for atom in atoms}
-
-
-class _Posterior(NamedTuple):
-    """Each atom's marginal, the true atoms of the most probable state, each hypothesis's posterior probability, and the
-    logarithm of the most probable state's weight."""
-
-    marginal: Mapping[Atom, float]
-    best: frozenset[Atom]
-    chances: tuple[float, ...]
-    log_best: float
-    is_listed: bool
-    """Whether the most probable state is one of those that are listed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -313,7 +298,7 @@ class BayesMonitor:
         earlier = memory.earlier.get(atom)
         return evidence if earlier is None else self.sensor_model.increment(evidence, earlier, atom.predicate)
 
-    def _came_about(self, memory: BeliefState, posterior: _Posterior) -> float | None:
+    def _came_about(self, memory: BeliefState, posterior: Posterior) -> float | None:
         """Return the probability that the last action had its effects; None if there was none."""
         effects = [each.effects for each in memory.hypotheses]
         if not any(effects):
@@ -358,28 +343,11 @@ class BayesMonitor:
             evidence[atom] = evidence.get(atom, 0.0) + value
         return evidence
 
-    def _posterior(self, memory: BeliefState, conditions: Mapping[Atom, float] = MappingProxyType({})) -> _Posterior:
-        """Apply Bayes' rule over outcomes and states. The most probable state is that of the most probable pair of
-        both. `conditions` are log-odds that replace the evidence about their atoms."""
-        evidence = {**self._evidence(memory), **conditions}
-        answers = [each.prior.solve(evidence) for each in memory.hypotheses]
-        logs = [math.log(max(each.chance, _LEAST)) for each in memory.hypotheses]
-        totals = [log + answer.log_total for log, answer in zip(logs, answers, strict=True)]
-        shares = [math.exp(total - max(totals)) for total in totals]
-        chances = tuple(share / math.fsum(shares) for share in shares)
-        marginal = {
-            atom: min(
-                1.0, math.fsum(chance * answer.marginal[atom] for chance, answer in zip(chances, answers, strict=True))
-            )
-            for atom in self.network.atoms
-        }
-        heaviest = max(range(len(logs)), key=lambda number: logs[number] + answers[number].log_best)
-        return _Posterior(
-            marginal,
-            answers[heaviest].best,
-            chances,
-            logs[heaviest] + answers[heaviest].log_best,
-            isinstance(memory.hypotheses[heaviest].prior, Listed),
+    def _posterior(self, memory: BeliefState, conditions: Mapping[Atom, float] = MappingProxyType({})) -> Posterior:
+        """Apply Bayes' rule over outcomes and states. `conditions` are log-odds that replace the evidence about their
+        atoms."""
+        return infer(
+            [(each.chance, each.prior) for each in memory.hypotheses], {**self._evidence(memory), **conditions}
         )
 
     def _with_noise(

@@ -16,7 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from executive.belief.mutex_inference import MAX_FRONTIER, Group, MutexNetwork, Solution
-from executive.belief.state_space import BoolArray, StateSpace, truths
+from executive.belief.packed_actions import BoolArray
+from executive.belief.state_space import StateSpace, truths
 from executive.types import Atom, Condition
 
 MOST_LISTED = 100_000

@@ -19,6 +19,9 @@ from executive.belief.mutex_inference import MutexNetwork, Solution
 from executive.belief.state_space import StateSpace
 from executive.types import Atom, FloatArray, Step
 
+_LEAST = 1e-300
+"""The least probability of a part that a logarithm is taken of."""
+
 
 class Prior(Protocol):
     """A distribution over states."""
@@ -60,6 +63,64 @@ class Listed:
 
     def solve(self, evidence: Mapping[Atom, float]) -> Solution:
         return self.space.solve(evidence, self.log_probability)
+
+
+class Posterior(NamedTuple):
+    """What a mixture of distributions amounts to given evidence.
+
+    Attributes:
+        marginal: the probability of each atom.
+        chances: the probability of each part of the mixture.
+        best: the true atoms of the most probable pair of a part and a state.
+        is_listed: whether that part is one over listed states.
+        log_best: the logarithm of that pair's weight.
+    """
+
+    marginal: Mapping[Atom, float]
+    chances: tuple[float, ...]
+    best: frozenset[Atom]
+    is_listed: bool
+    log_best: float
+
+
+def infer(parts: Sequence[tuple[float, Prior]], evidence: Mapping[Atom, float]) -> Posterior:
+    """Apply Bayes' rule to a mixture, given as the prior probability of each part and its distribution. What the
+    evidence says of listed states is worked out once for all parts over these."""
+    sums: dict[StateSpace, FloatArray] = {}
+    likelihoods: dict[int, tuple[StateSpace, FloatArray]] = {}
+    solved: dict[int, Solution] = {}
+    totals, bests = np.zeros(len(parts)), np.zeros(len(parts))
+    for number, (_, prior) in enumerate(parts):
+        if isinstance(prior, Listed):
+            if prior.space not in sums:
+                sums[prior.space] = prior.space.sums(evidence)
+            weight = sums[prior.space] + prior.log_probability
+            bests[number] = weight.max()
+            likelihood = np.exp(weight - bests[number])
+            totals[number] = bests[number] + math.log(likelihood.sum())
+            likelihoods[number] = prior.space, likelihood
+        else:
+            own = solved[number] = prior.solve(evidence)
+            totals[number], bests[number] = own.log_total, own.log_best
+    logs = np.log(np.maximum([chance for chance, _ in parts], _LEAST))
+    shares = np.exp(logs + totals - (logs + totals).max())
+    chances = shares / shares.sum()
+    listed: dict[StateSpace, FloatArray] = {}
+    for number, (space, likelihood) in likelihoods.items():
+        mixed = likelihood * (chances[number] / likelihood.sum())
+        listed[space] = listed[space] + mixed if space in listed else mixed
+    each: list[Mapping[Atom, float]] = [space.marginals(probability) for space, probability in listed.items()]
+    for number, own in solved.items():
+        chance = float(chances[number])
+        each.append({atom: chance * value for atom, value in own.marginal.items()})
+    heaviest = int((logs + bests).argmax())
+    if is_listed := heaviest in likelihoods:
+        space, likelihood = likelihoods[heaviest]
+        best = space.true(int(likelihood.argmax()))
+    else:
+        best = solved[heaviest].best
+    marginal = {atom: min(1.0, math.fsum(own[atom] for own in each)) for atom in each[0]}
+    return Posterior(marginal, tuple(chances.tolist()), best, is_listed, float((logs + bests)[heaviest]))
 
 
 class Predicted(NamedTuple):

@@ -18,10 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from executive.belief.mutex_inference import Group, MutexNetwork, Solution
+from executive.belief.packed_actions import NO_RULES, Actions, BoolArray, ByteArray, pack, unpack, width
 from executive.types import Atom, Condition, DerivedRules, FloatArray, Step
 
-BoolArray: TypeAlias = npt.NDArray[np.bool_]
-ByteArray: TypeAlias = npt.NDArray[np.uint8]
 IndexArray: TypeAlias = npt.NDArray[np.int64]
 _Key = TypeVar("_Key")
 
@@ -31,7 +30,8 @@ MOST_STATES = 1_000_000
 MOST_WORK = 5_000_000
 """Actions times states up to which they are listed: it takes a second or so."""
 
-NO_RULES = DerivedRules()
+_NEGLIGIBLE = 1e-16
+"""A state's probability that changes no marginal: all states of that kind together have less than 1e-10."""
 
 _BITS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).astype(np.float64)
 """Row b has the eight bits of the byte b."""
@@ -58,8 +58,8 @@ class StateSpace:
     def __post_init__(self) -> None:
         if list(self.atoms) != sorted(set(self.atoms)):
             raise ValueError("the atoms of a state space are sorted, and each there once")
-        if self.packed.ndim != 2 or self.packed.shape[1] != _width(len(self.atoms)) or not len(self.packed):
-            raise ValueError(f"expected rows of {_width(len(self.atoms))} bytes, got {self.packed.shape}")
+        if self.packed.ndim != 2 or self.packed.shape[1] != width(len(self.atoms)) or not len(self.packed):
+            raise ValueError(f"expected rows of {width(len(self.atoms))} bytes, got {self.packed.shape}")
         if not np.array_equal(_unique(self.packed), self.packed):
             raise ValueError("the states have to be sorted and different")
 
@@ -78,36 +78,37 @@ class StateSpace:
     @classmethod
     def from_rows(cls, atoms: Sequence[Atom], rows: BoolArray) -> StateSpace:
         """Return the space of these states: (N, atoms), whether each of the sorted atoms is true."""
-        return cls(tuple(atoms), _unique(_pack(rows)))
+        return cls(tuple(atoms), _unique(pack(rows)))
 
     @classmethod
     def reachable(
         cls,
         atoms: Iterable[Atom],
-        steps: Sequence[Step],
+        steps: Sequence[Step] | Actions,
         start: Collection[Atom],
         rules: DerivedRules = NO_RULES,
         most_states: int = MOST_STATES,
         most_work: int = MOST_WORK,
     ) -> StateSpace | None:
         """List the states that `steps`, the task's grounded actions, lead to from the state in which exactly `start` is
-        true; None if there are too many of them."""
+        true; None if there are too many of them. Actions that were prepared for these atoms bring their rules along."""
         known = tuple(sorted(set(atoms)))
-        actions = _Actions(known, steps, rules)
+        actions = steps if isinstance(steps, Actions) else Actions(known, steps, rules)
+        if actions.atoms != known:
+            raise ValueError("the actions were prepared for other atoms")
         first = np.array([[atom in start for atom in known]], dtype=np.bool_)
-        frontier = found = _pack(first)
+        frontier = found = pack(first)
         seen = _keys(found)
         while len(frontier):
-            if len(found) > most_states or len(found) * len(steps) > most_work:
+            if len(found) > most_states or len(found) * len(actions.steps) > most_work:
                 return None
-            states = _unpack(frontier, len(known))
-            after = _unique(np.concatenate([_pack(rows) for rows in actions.successors(states)] or [frontier]))
+            after = _unique(np.concatenate([*actions.successors(frontier)] or [frontier]))
             keys = _keys(after)
             place = np.minimum(np.searchsorted(seen, keys), len(seen) - 1)
             frontier = after[seen[place] != keys]
             found = _unique(np.concatenate([found, frontier]))
             seen = _keys(found)
-        return cls(known, found, rules)
+        return cls(known, found, actions.rules)
 
     def __len__(self) -> int:
         return len(self.packed)
@@ -120,7 +121,7 @@ class StateSpace:
         """Return the number of the state in which exactly these atoms are true; None if it is not listed."""
         if not set(true) <= set(self.atoms):
             return None
-        key = _keys(_pack(np.array([[atom in true for atom in self.atoms]], dtype=np.bool_)))
+        key = _keys(pack(np.array([[atom in true for atom in self.atoms]], dtype=np.bool_)))
         found = int(self._find(key)[0])
         return None if found < 0 else found
 
@@ -137,9 +138,11 @@ class StateSpace:
 
     def marginals(self, probability: FloatArray) -> dict[Atom, float]:
         """Return for each atom the probability that it is true, given each state's, (N,)."""
+        kept = probability > _NEGLIGIBLE
+        packed, probability = self.packed[kept], probability[kept]
         parts = [
-            np.bincount(self.packed[:, column], weights=probability, minlength=256) @ _BITS
-            for column in range(self.packed.shape[1])
+            np.bincount(packed[:, column], weights=probability, minlength=256) @ _BITS
+            for column in range(packed.shape[1])
         ]
         values = np.clip(np.concatenate(parts), 0.0, 1.0) if parts else np.zeros(0)
         return dict(zip(self.atoms, values[: len(self.atoms)].tolist(), strict=True))
@@ -172,21 +175,24 @@ class StateSpace:
         hold, or where it leads to a state that is not listed."""
         if step in self._successors:
             return self._successors[step]
-        found = np.full(len(self), -1, dtype=np.int64)
-        action = _Actions(self.atoms, [step], self.rules)
-        for first in range(0, len(self), _CHUNK):
-            states = _unpack(self.packed[first : first + _CHUNK], len(self.atoms))
-            able, rows = action.applied(states, 0)
-            found[first : first + _CHUNK][able] = self._find(_keys(_pack(rows)))
+        (found,) = self.transitions(Actions(self.atoms, [step], self.rules))
         return self._keep(self._successors, step, found)
+
+    def transitions(self, actions: Actions) -> list[IndexArray]:
+        """Return the same as `successors` for each of these actions, which were prepared for the same atoms."""
+        every = []
+        for number in range(len(actions.steps)):
+            found = np.full(len(self), -1, dtype=np.int64)
+            for first in range(0, len(self), _CHUNK):
+                able, after = actions.applied(self.packed[first : first + _CHUNK], number)
+                found[first : first + _CHUNK][able] = self._find(_keys(after))
+            every.append(found)
+        return every
 
     def holds(self, condition: Condition) -> BoolArray:
         """Return in which states a condition holds, (N,)."""
-        actions = _Actions(self.atoms, (), self.rules)
-        parts = [
-            actions.truth(condition, _unpack(self.packed[first : first + _CHUNK], len(self.atoms)))
-            for first in range(0, len(self), _CHUNK)
-        ]
+        actions = Actions(self.atoms, (), self.rules)
+        parts = [actions.truth(condition, self.packed[first : first + _CHUNK]) for first in range(0, len(self), _CHUNK)]
         return np.concatenate(parts)
 
     def classes(self, atoms: Collection[Atom]) -> IndexArray:
@@ -194,7 +200,7 @@ class StateSpace:
         key = frozenset(atoms)
         if key not in self._classes:
             kept = np.array([[atom not in key for atom in self.atoms]], dtype=np.bool_)
-            _, number = np.unique(_keys(self.packed & _pack(kept)), return_inverse=True)
+            _, number = np.unique(_keys(self.packed & pack(kept)), return_inverse=True)
             self._keep(self._classes, key, number.astype(np.int64))
         return self._classes[key]
 
@@ -231,7 +237,7 @@ class StateSpace:
     def always_one(self, group: Group) -> bool:
         """Whether every listed state has one or more of the group's atoms."""
         members = np.array([[atom in group.atoms for atom in self.atoms]], dtype=np.bool_)
-        return bool(np.all((self.packed & _pack(members)).any(axis=1)))
+        return bool(np.all((self.packed & pack(members)).any(axis=1)))
 
     def rules_out_more(self, groups: Sequence[Group]) -> bool:
         """Whether the listed states are fewer than those that the mutex groups allow, if groups are taken as exact of
@@ -245,11 +251,11 @@ class StateSpace:
         nothing if there is no such state. Atoms of other tasks are left out."""
         told = np.array([[atom in known for atom in self.atoms]], dtype=np.bool_)
         true = np.array([[bool(known.get(atom)) for atom in self.atoms]], dtype=np.bool_)
-        rows = self.packed[((self.packed & _pack(told)) == _pack(true)).all(axis=1)]
+        rows = self.packed[((self.packed & pack(told)) == pack(true)).all(axis=1)]
         if not len(rows):
             return {}
         every, some = (
-            _unpack(part.reduce(rows, axis=0, keepdims=True), len(self.atoms))[0]
+            unpack(part.reduce(rows, axis=0, keepdims=True), len(self.atoms))[0]
             for part in (np.bitwise_and, np.bitwise_or)
         )
         return {atom: bool(all_) for atom, all_, any_ in zip(self.atoms, every, some, strict=True) if all_ == any_}
@@ -263,7 +269,7 @@ class StateSpace:
         return numbers
 
     def _bits(self, packed: ByteArray) -> BoolArray:
-        return _unpack(packed, len(self.atoms))
+        return unpack(packed, len(self.atoms))
 
     def _find(self, keys: _Keys) -> IndexArray:
         """Return the numbers of the states with these keys; -1 for those that are not listed."""
@@ -273,94 +279,14 @@ class StateSpace:
 
 
 _CHUNK = 65_536
-"""States that are unpacked at a time."""
+"""States that are worked on at a time."""
 
 _Keys: TypeAlias = npt.NDArray[np.generic]
 
 
-class _Actions:
-    """Grounded actions that are applied to many states at once, (N, atoms) each."""
-
-    def __init__(self, atoms: Sequence[Atom], steps: Sequence[Step], rules: DerivedRules) -> None:
-        self._position = {atom: index for index, atom in enumerate(atoms)}
-        self._steps, self._rules = steps, rules
-
-    def successors(self, states: BoolArray) -> Iterable[BoolArray]:
-        """Yield for each action the states that it leads to from those in which it can be done."""
-        derived = self._derived(states)
-        for number in range(len(self._steps)):
-            _, rows = self.applied(states, number, derived)
-            if len(rows):
-                yield rows
-
-    def applied(
-        self, states: BoolArray, number: int, derived: Mapping[Atom, BoolArray] | None = None
-    ) -> tuple[BoolArray, BoolArray]:
-        """Return in which states the action of that number can be done, (N,), and where it leads from these."""
-        step = self._steps[number]
-        derived = self._derived(states) if derived is None else derived
-        able = self._truth(step.precondition, states, derived)
-        before = states[able]
-        derived = {atom: column[able] for atom, column in derived.items()}
-        after = before.copy()
-        happening = [(self._truth(effect.condition, before, derived), effect.facts) for effect in step.effects]
-        for value in (False, True):  # what is both deleted and added is true
-            for where, facts in happening:
-                for atom in facts.true if value else facts.false:
-                    if atom in self._position:
-                        after[where, self._position[atom]] = value
-        return able, after
-
-    def truth(self, condition: Condition, states: BoolArray) -> BoolArray:
-        """Return in which of the states a condition holds, (N,)."""
-        return self._truth(condition, states, self._derived(states))
-
-    def _truth(self, condition: Condition, states: BoolArray, derived: Mapping[Atom, BoolArray]) -> BoolArray:
-        result = np.ones(len(states), dtype=np.bool_)
-        for atom, value in condition.facts.items():
-            result &= self._column(atom, states, derived) == value
-        for choice in condition.choices:
-            either = np.zeros(len(states), dtype=np.bool_)
-            for part in choice:
-                either |= self._truth(part, states, derived)
-            result &= either
-        return result
-
-    def _column(self, atom: Atom, states: BoolArray, derived: Mapping[Atom, BoolArray]) -> BoolArray:
-        if atom in self._position:
-            return states[:, self._position[atom]]
-        return derived[atom] if atom in derived else np.zeros(len(states), dtype=np.bool_)
-
-    def _derived(self, states: BoolArray) -> dict[Atom, BoolArray]:
-        """Compute the derived atoms, stratum by stratum, until nothing more follows."""
-        derived = {atom: np.zeros(len(states), dtype=np.bool_) for atom in self._rules.rules}
-        for stratum in self._rules.strata:
-            changed = True
-            while changed:
-                changed = False
-                for atom in stratum:
-                    column = self._truth(self._rules.rules[atom], states, derived)
-                    if np.any(column & ~derived[atom]):
-                        derived[atom] = column | derived[atom]
-                        changed = True
-        return derived
-
-
 def truths(condition: Condition, atoms: Sequence[Atom], states: BoolArray) -> BoolArray:
     """Return in which of the states, (N, atoms), a condition holds, (N,)."""
-    return _Actions(atoms, (), NO_RULES).truth(condition, states)
-
-
-def _width(atoms: int) -> int:
-    return (atoms + 7) // 8
-
-
-def _pack(states: BoolArray) -> ByteArray:
-    return np.packbits(states, axis=1)
-
-
-def _unpack(packed: ByteArray, atoms: int) -> BoolArray:
-    return np.unpackbits(packed, axis=1, count=atoms).astype(np.bool_)
+    return Actions(atoms, ()).truth(condition, pack(states))
 
 
 def _keys(packed: ByteArray) -> _Keys:

@@ -83,13 +83,13 @@ class WideFrontier:
             onward = rest[turn.after] + weights[turn.atom]
             chance = np.exp(before[turn.before] + onward - total)
             share += np.bincount(turn.atom % len(weights), weights=chance, minlength=len(weights))
-            rest = _log_sums(onward[turn.by_before], turn.starts_before)
+            rest = _log_sums(onward[turn.by_before], turn.starts_before, turn.before[turn.by_before])
         return total, np.minimum(1.0, share[:-1]).tolist(), self._traced(weights, best)
 
     def _sums(self, weights: FloatArray) -> list[FloatArray]:
         sums = [np.zeros(1)]
         for turn in self.turns:
-            sums.append(_log_sums(sums[-1][turn.before] + weights[turn.atom], turn.starts))
+            sums.append(_log_sums(sums[-1][turn.before] + weights[turn.atom], turn.starts, turn.after))
         return sums
 
     def _traced(self, weights: FloatArray, best: Sequence[FloatArray]) -> list[int]:
@@ -124,9 +124,8 @@ def _starts(sorted_: IndexArray) -> IndexArray:
     return np.flatnonzero(np.diff(sorted_, prepend=-1)).astype(np.int64)
 
 
-def _log_sums(values: FloatArray, starts: IndexArray) -> FloatArray:
-    """Return the logarithm of the sum of exp of each run of values."""
+def _log_sums(values: FloatArray, starts: IndexArray, run: IndexArray) -> FloatArray:
+    """Return the logarithm of the sum of exp of each run of values; `run` is the number of each value's."""
     most = np.maximum.reduceat(values, starts)
-    lengths = np.diff(starts, append=len(values))
-    result: FloatArray = most + np.log(np.add.reduceat(np.exp(values - np.repeat(most, lengths)), starts))
+    result: FloatArray = most + np.log(np.add.reduceat(np.exp(values - most[run]), starts))
     return result

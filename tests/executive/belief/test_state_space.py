@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.belief import Group, StateSpace
+from executive.belief.packed_actions import Actions
 from executive.types import ALWAYS, Atom, Condition, DerivedRules, Effect, Facts, Step
 from tests.executive.belief.piles import ATOMS, CUPS, START, STEPS, TRAYS, at, listed, on, piles, top
 
@@ -173,3 +174,14 @@ def test_what_is_no_space_is_refused() -> None:
         StateSpace((on("a", "b"),), np.zeros((2, 1), dtype=np.uint8))
     with pytest.raises(ValueError, match="finite"):
         StateSpace((on("a", "b"),), np.zeros((1, 1), dtype=np.uint8)).solve({on("a", "b"): math.inf})
+
+
+def test_actions_can_be_prepared_once(space: StateSpace) -> None:
+    prepared = Actions(space.atoms, STEPS)
+    again = StateSpace.reachable(ATOMS, prepared, piles()[7])
+    assert again is not None
+    assert np.array_equal(again.packed, space.packed)
+    for step, after in zip(STEPS, space.transitions(prepared), strict=True):
+        assert np.array_equal(after, space.successors(step))
+    with pytest.raises(ValueError, match="other atoms"):
+        StateSpace.reachable(ATOMS[1:], prepared, ())
