@@ -192,6 +192,16 @@ class Preparing(Protocol):
 
 
 @runtime_checkable
+class Warming(Protocol):
+    """A skill or a world that has something to build at its first use, which can be built before: while a run waits for
+    its model. Nothing that can be observed changes by it."""
+
+    def warm_up(self, handle: Any) -> None:
+        """Build it, unless that takes as long as what `Preparing` announces. `handle` is what skills are given."""
+        ...
+
+
+@runtime_checkable
 class Sink(Protocol):
     """Receives every event of a run and feeds nothing back: an exception in it never changes what the robot does."""
 

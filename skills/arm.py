@@ -101,7 +101,8 @@ def arm_of(handle: Handle) -> Arm:
 
 
 class ArmSkill:
-    """A skill that moves the arm: `prepare` compiles the collision kernels before they are needed."""
+    """A skill that moves the arm: `prepare` compiles the collision kernels before they are needed, and `warm_up` builds
+    the arm."""
 
     def __init__(self, skill: Skill) -> None:
         self._skill = skill
@@ -112,6 +113,11 @@ class ArmSkill:
 
     def prepare(self, tell: Tell) -> None:
         collision_kernels.ready(tell)
+
+    def warm_up(self, handle: Handle) -> None:
+        """Build the handle's arm, unless `prepare` has something to compile first, and to say so."""
+        if collision_kernels.are_kept():
+            arm_of(handle)
 
 
 class Attempt:

@@ -181,6 +181,23 @@ def ready(tell: Callable[[str], None] = lambda what: None) -> None:
         _call_everything()
 
 
+def are_kept() -> bool:
+    """Whether everything here is compiled, so that `ready` has nothing to say."""
+
+    def refuse(what: str) -> None:
+        raise _NotKeptError
+
+    try:
+        ready(refuse)
+    except _NotKeptError:
+        return False
+    return True
+
+
+class _NotKeptError(Exception):
+    """Ends what would be compiled."""
+
+
 def _call_everything() -> None:
     points, spans, bounds = np.zeros((3, 8)), np.array([[0, 0, 4], [0, 4, 4]]), np.zeros((2, 10))
     reach, groups, pairs = np.zeros((2, 1)), np.zeros((0, 5), dtype=np.int64), np.zeros((0, 2), dtype=np.int64)

@@ -44,7 +44,7 @@ def measure(everything: bool) -> list[Row]:
     return [
         Row("replan", statistics.median(ours), statistics.median(theirs), "s", "half", ratio >= 2,
             "unified-planning's one-shot call from PDDL", note),
-        _large(3 if everything else 1),
+        large(3 if everything else 1),
     ]  # fmt: skip
 
 
@@ -58,7 +58,7 @@ PARCELS = """(define (domain parcels) (:requirements :typing) (:types city parce
     :precondition (van-at ?v ?a) :effect (and (van-at ?v ?b) (not (van-at ?v ?a)))))"""
 
 
-def _large(rounds: int) -> Row:
+def large(rounds: int) -> Row:
     """A plan anew for parcels, vans and cities."""
     choose = random.Random(0)
     parcels, vans, cities = ([f"{name}{n}" for n in range(count)] for name, count in (("p", 60), ("v", 6), ("c", 40)))

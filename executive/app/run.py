@@ -31,7 +31,7 @@ from executive.faults import (
     faulty_world,
 )
 from executive.planning.feasible import FeasiblePlanner
-from executive.protocols import Planner, Preparing, Recalling, Sink, World
+from executive.protocols import Planner, Preparing, Recalling, Sink, Warming, World
 from executive.relations.kinds import RelationKind, read_relation_kinds
 from executive.trace.record import monitor_file
 from executive.trace.record.frames import FrameLog
@@ -92,23 +92,24 @@ class Run:
         setting = make_setting(self.domain, config)
         if self._past is not None:
             self._past.check(self.domain.task)
-        planner = open_planner(self.domain, config.planner)
-        planner.warm_up()  # in the background
         estimator_config = None
         if config.estimator == "vlm":
             estimator_config = with_default_model(config.eye or EstimatorConfig(), self.domain.subject)
         self.monitor = None
-        if config.estimator != "none":
-            seconds = min(30.0, config.patience, config.settings().max_seconds)
-            oracle = oracle_sensor_model(config)
-            calibration = None if config.eye is None else config.eye.calibration
-            self.monitor = open_monitor(
-                config.monitor, self.domain, estimator_config, seconds, oracle, self._witness_models(), calibration
-            )
-        if estimator_config is not None and vlm is None:
-            vlm = open_estimator(estimator_config, self.domain.subject, self._in_own_process)
-        first_observation = 0 if self._past is None else self._past.observations
         try:
+            # Loading the model takes longest, and goes on in its own process while all else is set up.
+            if estimator_config is not None and vlm is None:
+                vlm = open_estimator(estimator_config, self.domain.subject, self._in_own_process)
+            planner = open_planner(self.domain, config.planner)
+            planner.warm_up()  # in the background
+            if config.estimator != "none":
+                seconds = min(30.0, config.patience, config.settings().max_seconds)
+                oracle = oracle_sensor_model(config)
+                calibration = None if config.eye is None else config.eye.calibration
+                self.monitor = open_monitor(
+                    config.monitor, self.domain, estimator_config, seconds, oracle, self._witness_models(), calibration
+                )
+            first_observation = 0 if self._past is None else self._past.observations
             self._stage = setting.open(first_observation)
         except BaseException:  # Ctrl-C too: the model's process ends with the run that it was opened for
             self._close_model()
@@ -118,6 +119,7 @@ class Run:
         self._collector = Collector()
         try:
             if self._own is not None:
+                self._warm_up()
                 self._own.ready()  # before the run's clock begins: loading is not a part of its time
             self.executive = self._assemble(planner, setting.faults, vlm, sinks, view, log)
         except BaseException:  # Ctrl-C too: a run that never began leaves no folder
@@ -148,6 +150,15 @@ class Run:
         find(model)  # what is wrong with its files is said at once
         self._own = OwnProcess(model)
         return self._own
+
+    def _warm_up(self) -> None:
+        """Do what the first look and the first step would do first, while the model loads."""
+        if self.config.viewer:
+            import executive.trace.viewer.sink  # noqa: F401
+        parts: tuple[object, ...] = (self.world, *self._stage.skills.values(), *self._stage.moves.values())
+        for part in parts:
+            if isinstance(part, Warming):
+                part.warm_up(self.world.handle)
 
     def _close_model(self) -> None:
         if self._own is not None:

@@ -176,6 +176,8 @@ class SkillCall:
         self._skill, self._terms = skill, tuple(terms)
         if hasattr(skill, "prepare"):
             self.prepare = skill.prepare
+        if hasattr(skill, "warm_up"):
+            self.warm_up = skill.warm_up
 
     def __call__(self, step: Step, context: SkillContext) -> SkillResult:
         args = tuple(term if isinstance(term, str) else step.args[term] for term in self._terms)

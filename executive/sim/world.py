@@ -227,6 +227,13 @@ class MujocoWorld:
             self.render(drawn[0].name)
             tell(f"the scene for {drawing.cost}")
 
+    def warm_up(self, handle: object) -> None:
+        """Make the renderers, and draw a first picture: shaders are compiled for that."""
+        drawn = [camera for camera in self.spec.cameras if camera.renderer != "mitsuba"]
+        self.drawing.ready(drawn)
+        if drawn:
+            self.drawing.picture(self.data, drawn[0])
+
     def snapshot(self) -> bytes:
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, self.data, state, _STATE)

@@ -1,0 +1,1 @@
+"""What a person waits for, against a budget for each: `python -m benchmarks.budget`."""

@@ -1,0 +1,133 @@
+"""What parts of the product take by themselves: looks on a busy machine, plans anew and in time, poses, photorealistic
+pictures, and the project's own checks."""
+
+from __future__ import annotations
+
+import json
+import random
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.budget.figures import Figure
+from benchmarks.budget.tree import run_watched
+
+_BUSY = 3
+
+
+def looks() -> Iterator[Figure]:
+    spent = run_watched([sys.executable, "-m", "benchmarks.look", "--busy", str(_BUSY), "--json"])
+    told = json.loads(spent.said)
+    quiet, busy = told["quiet look"], told[f"look beside {_BUSY} busy"]
+    yield Figure(f"a look beside {_BUSY} busy processes, against a quiet one", "10 to 25 times", 2.5, told["ratio"],
+                 "times", note=f"{quiet:.3f} s quiet, {busy:.3f} s busy")  # fmt: skip
+
+
+def replan() -> Iterator[Figure]:
+    from benchmarks.speed.replan import large
+
+    row = large(1)
+    assert row.baseline is not None
+    yield Figure("a replan above 20,000 grounded actions, against the search alone", "15 s a one-step plan", 2.0,
+                 row.ours / row.baseline, "times", cpu=row.ours, note=row.note)  # fmt: skip
+
+
+def grounding() -> Iterator[Figure]:
+    """A task whose grounding takes much longer than the planner has."""
+    from benchmarks.speed.replan import PARCELS
+    from executive.domain.pddl import read_task
+    from executive.planning.fast_downward import FastDownwardPlanner
+    from executive.types import Facts
+
+    limit, choose = 4.0, random.Random(0)
+    parcels, vans, cities = ([f"{name}{n}" for n in range(many)] for name, many in (("p", 400), ("v", 12), ("c", 60)))
+    at = [f"(at {parcel} {choose.choice(cities)})" for parcel in parcels]
+    at += [f"(van-at {van} {choose.choice(cities)})" for van in vans]
+    goal = " ".join(f"(at {parcel} {choose.choice(cities)})" for parcel in parcels)
+    with tempfile.TemporaryDirectory() as name:
+        domain, problem = Path(name) / "domain.pddl", Path(name) / "problem.pddl"
+        domain.write_text(PARCELS)
+        objects = f"{' '.join(parcels)} - parcel {' '.join(vans)} - van {' '.join(cities)} - city"
+        problem.write_text(f"(define (problem many) (:domain parcels) (:objects {objects})"
+                           f" (:init {' '.join(at)}) (:goal (and {goal})))")  # fmt: skip
+        schema = read_task(domain, problem)
+    planner = FastDownwardPlanner(schema, timeout=limit)
+    began = time.perf_counter()
+    answer = planner.plan(Facts.closed(schema.task.declared, schema.task.atoms), schema.task.goal)
+    late = time.perf_counter() - began - limit
+    yield Figure("grounding, over the planner's time limit", "26 s over 12", 0.5, late,
+                 note=f"limit {limit:g} s: {getattr(answer, 'reason', 'a plan')}")  # fmt: skip
+
+
+def poses() -> Iterator[Figure]:
+    from benchmarks.poses import FIRST_SEED, SCENE, Tally, drawn
+    from executive.app.localizer import item_models, open_localizer
+    from executive.sim.known_models import KnownScene
+    from executive.sim.spec import read_scene
+
+    spec = read_scene(SCENE)
+    models = {model.name: model for model in item_models(spec)}
+    for model in models.values():
+        _ = model.field, model.orientations, model.lookalikes
+    known, tally = KnownScene(spec), Tally(verbose=False)
+    for seed in range(FIRST_SEED, FIRST_SEED + 5):
+        world = drawn(seed, list(models), np.random.default_rng([seed, 1]))
+        tally.add(seed, world, open_localizer(world, models=list(models.values()), known=known), models)
+        world.close()
+    known.close()
+    worst = max(away for found in tally.millimetres.values() for away in found)
+    yield Figure("poses of six items, five depth cameras, nothing known before", "2 CPU s", 0.3,
+                 statistics.median(tally.wall), cpu=statistics.median(tally.cpu),
+                 note=f"median of 5 scenes, half of the items tipped; the largest error {worst:.1f} mm")  # fmt: skip
+
+
+def pictures() -> Iterator[Figure]:
+    stage, former = "a photorealistic picture of 320x240, CPU seconds", ""
+    if find_spec("mitsuba") is None:
+        yield Figure(stage, former, 0.7, None, note="Mitsuba is not installed (the extra photoreal)")
+        return
+    from executive.domain.loader import load_domain
+    from executive.sim.world import MujocoWorld
+
+    domain = load_domain("blocksworld")
+    world = MujocoWorld(domain.scene, domain.task.objects, renderer="mitsuba")
+    world.observe()
+    taken, pixels = [], 0
+    for _ in range(5):
+        began = time.process_time()
+        seen = world.observe()
+        taken.append((time.process_time() - began) / len(seen.images))
+        pixels = int(np.prod(next(iter(seen.images.values())).shape[:2]))
+    world.close()
+    share = 320 * 240 / pixels
+    yield Figure(stage, former, 0.7, statistics.median(taken) * share,
+                 note=f"{statistics.median(taken):.2f} s for {pixels:,} pixels, in proportion")  # fmt: skip
+
+
+def quick() -> Iterator[Figure]:
+    began = time.perf_counter()
+    done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-m", "quick", "-n", "2", "-p", "no:cacheprovider"],
+                          capture_output=True, text=True, check=False)  # fmt: skip
+    yield Figure("the quick tests", "none", 60.0, time.perf_counter() - began, note=_last(done.stdout))
+
+
+def tests() -> Iterator[Figure]:
+    began = time.perf_counter()
+    done = subprocess.run(["make", "test"], capture_output=True, text=True, check=False)
+    yield Figure("`make test`", "6:30", 360.0, time.perf_counter() - began, note=_last(done.stdout))
+
+
+def training() -> Iterator[Figure]:
+    yield Figure("growing an eye for a new domain", "a night", 60.0, None, "minutes",
+                 note="not among what is measured here: it takes an hour of the machine for itself")  # fmt: skip
+
+
+def _last(text: str) -> str:
+    return next((line.strip("= ") for line in reversed(text.splitlines()) if "passed" in line or "failed" in line), "")
