@@ -185,10 +185,10 @@ def _backend(
 
         there = ServerBackend(server)
         return there, there.check()
-    from executive.s3e.backends.transformers_backend import TransformersBackend
+    from executive.s3e.backends.numpy_backend import open_checkpoint
 
     assert config.vlm is not None  # with_default_model has set it
-    return (load or TransformersBackend)(config.vlm), ""
+    return (load or open_checkpoint)(config.vlm), ""
 
 
 def _writer(config: EstimatorConfig, server: ChatServer | None) -> Writer:

@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from weakref import finalize
 
 from executive.s3e.backends.interface import YES_NO, AnswerWords, Backend, Numerals
+from executive.s3e.backends.numpy_backend import open_checkpoint
 from executive.s3e.backends.shared_client import HostEndedError, SharedBackend, SharedLook
 from executive.s3e.backends.shared_host import ModelHost
-from executive.s3e.backends.transformers_backend import TransformersBackend
 from executive.types import Image
 
 
@@ -25,7 +25,7 @@ class OwnProcess:
         load: what opens it there, importable by its name.
     """
 
-    def __init__(self, model: str, load: Callable[[str], Backend] = TransformersBackend) -> None:
+    def __init__(self, model: str, load: Callable[[str], Backend] = open_checkpoint) -> None:
         self._model, self._host = model, ModelHost(load, first=model, threads=True)
         self._client: SharedBackend | None = None
         self._host.start()

@@ -122,10 +122,10 @@ class TransformersBackend:
         return self._look(images, system, numerals)
 
     def _look(self, images: Sequence[Image], system: str, words: Words) -> TransformersLook:
-        shown = _Shown(self._model, self._chat, self._folder, tuple(_as_pillow(images)), system)
+        shown = _Shown(self._model, self._chat, self._folder, tuple(as_pillow(images)), system)
         mark = self._chat.mark_in(system)
         if mark is not None:
-            raise InputError(f"the system prompt holds {_own(mark)}")
+            raise InputError(f"the system prompt holds {own_mark(mark)}")
         tokens = self._answer_tokens(words)
         return TransformersLook(shown, self._share(shown), tokens, isinstance(words, Numerals))
 
@@ -206,7 +206,7 @@ class TransformersLook:
             raise ValueError("this look is closed")
         prompts = [self._shown.render(question) for question in questions]
         answers: list[Answer | None] = [
-            Answer(prompt, 0.0, 0.0, f"the question holds {_own(mark)}") if mark is not None else None
+            Answer(prompt, 0.0, 0.0, f"the question holds {own_mark(mark)}") if mark is not None else None
             for prompt, mark in zip(prompts, map(self._shown.chat.mark_in, questions), strict=True)
         ]
         waiting = [index for index, answer in enumerate(answers) if answer is None]
@@ -305,7 +305,7 @@ class _Shown:
         return logits
 
 
-def _as_pillow(images: Sequence[Image]) -> list[Any]:
+def as_pillow(images: Sequence[Image]) -> list[Any]:
     from PIL.Image import fromarray
 
     if not images:
@@ -325,5 +325,5 @@ def _line(error: BaseException) -> str:
     return f"{type(error).__name__}: {text[:300]}"
 
 
-def _own(mark: str) -> str:
+def own_mark(mark: str) -> str:
     return f"{mark!r}, which the model would not read as text"
