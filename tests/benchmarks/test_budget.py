@@ -42,7 +42,7 @@ def test_figures_come_with_what_others_took() -> None:
 
 @linux
 def test_a_program_is_watched_with_the_processes_that_it_starts() -> None:
-    inner = "import time; kept = bytes(60 << 20); time.sleep(1.0)"
+    inner = "import time; kept = b'x' * (60 << 20); time.sleep(1.0)"
     outer = f"import subprocess, sys; print('begun', flush=True); subprocess.run([sys.executable, '-c', {inner!r}])"
     spent = run_watched([sys.executable, "-c", outer])
     assert spent.said == "begun\n"
