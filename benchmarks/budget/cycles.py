@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -55,7 +55,7 @@ class _Clock:
     other."""
 
     def __init__(self) -> None:
-        self.spent: Counter[str] = Counter()
+        self.spent: defaultdict[str, float] = defaultdict(float)
         self._within = ["decision"]
         self._since = _processor_time()
 
@@ -112,7 +112,7 @@ def _measure(parcels: int) -> dict[str, Any]:
             atoms, actions = len(run.domain.task.atoms), size(run.domain.parsed)
         written = sum(file.stat().st_size for file in (folder / "runs" / "run").rglob("*") if file.is_file())
     whole = [sum(turn.values()) for turn in turns.spent[1:]]
-    parts = {part: statistics.median(float(turn[part]) for turn in turns.spent[1:]) for part in PARTS}
+    parts = {part: statistics.median(turn[part] for turn in turns.spent[1:]) for part in PARTS}
     return {
         "parcels": parcels, "atoms": atoms, "actions": actions, "opened": opened, **parts,
         "cycle": statistics.median(turns.walls[1:]), "cpu": statistics.median(whole),
@@ -126,7 +126,7 @@ class _Turns:
 
     def __init__(self, clock: _Clock) -> None:
         self._clock, self._cycle, self._began = clock, 0, time.perf_counter()
-        self.spent: list[Counter[str]] = []
+        self.spent: list[dict[str, float]] = []
         self.walls: list[float] = []
 
     def write(self, event: Any) -> None:
@@ -139,7 +139,7 @@ class _Turns:
 
     def _turned(self) -> None:
         self._clock.switch()
-        self.spent.append(Counter(self._clock.spent))
+        self.spent.append({part: self._clock.spent[part] for part in PARTS})
         self._clock.spent.clear()
         now = time.perf_counter()
         self.walls.append(now - self._began)

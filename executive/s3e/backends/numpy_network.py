@@ -14,7 +14,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-Array: TypeAlias = "np.ndarray[Any, np.dtype[np.float32]]"
+Array: TypeAlias = "np.ndarray[Any, Any]"
+"""Of float32."""
+
 Weights: TypeAlias = "Mapping[str, Array]"
 
 KeysAndValues: TypeAlias = "list[tuple[Array, Array]]"
@@ -62,7 +64,8 @@ class VisionEncoder:
             kept = seen if shortcut is None else shortcut(seen)
             seen = np.maximum(second(np.maximum(first(seen), 0.0)) + kept, 0.0)
         (weight, bias), (weight_2, bias_2) = self._projector
-        return _gelu(seen.reshape(-1, seen.shape[-1]) @ weight + bias) @ weight_2 + bias_2
+        tokens: Array = _gelu(seen.reshape(-1, seen.shape[-1]) @ weight + bias) @ weight_2 + bias_2
+        return tokens
 
 
 class _Convolution:
@@ -117,7 +120,8 @@ def _gelu(values: Array) -> Array:
     t = 1.0 / (1.0 + 0.3275911 * magnitude)
     series = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))))
     erf = np.sign(values) * (1.0 - series * np.exp(-magnitude * magnitude))
-    return (0.5 * values * (1.0 + erf)).astype(np.float32)
+    result: Array = (0.5 * values * (1.0 + erf)).astype(np.float32)
+    return result
 
 
 class Decoder:
@@ -178,7 +182,8 @@ class Decoder:
 
     def logits(self, tokens: Array) -> Array:
         """The outputs for what the last layer has made of tokens: (T, width) -> (T, vocabulary)."""
-        return self._normed(tokens, self._norm) @ self.embeddings.T
+        outputs: Array = self._normed(tokens, self._norm) @ self.embeddings.T
+        return outputs
 
     def _normed(self, tokens: Array, weight: Array) -> Array:
         mean = np.mean(tokens * tokens, axis=-1, keepdims=True)
@@ -208,4 +213,5 @@ def _turned(heads: Array, turn: tuple[Array, Array]) -> Array:
     """Rotary positions: each pair of values is turned by an angle that grows with the position."""
     half = heads.shape[-1] // 2
     across = np.concatenate([-heads[..., half:], heads[..., :half]], axis=-1)
-    return heads * turn[0] + across * turn[1]
+    turned: Array = heads * turn[0] + across * turn[1]
+    return turned
