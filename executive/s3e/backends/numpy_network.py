@@ -187,7 +187,8 @@ class Decoder:
 
     def _normed(self, tokens: Array, weight: Array) -> Array:
         mean = np.mean(tokens * tokens, axis=-1, keepdims=True)
-        return weight * (tokens / np.sqrt(mean + self._floor))
+        normed: Array = weight * (tokens / np.sqrt(mean + self._floor))
+        return normed
 
     def _split(self, tokens: Array) -> Array:
         """(T, width) -> (heads, T, width of a head)."""
