@@ -14,6 +14,10 @@ from executive.types import FloatArray
 _FACING = 0.25
 """Cosine of the angle to the line of sight from which on a surface is measured well."""
 
+_EDGE_ON = 0.1
+"""The same, up to which a surface is seen edge on: a camera that looks past it refutes nothing, since it would not if
+the item were turned by so little. Of a box, a whole face may be seen so."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
@@ -39,10 +43,11 @@ def evidence(model: ItemModel, rotations: FloatArray, translations: FloatArray, 
         measured = view.depth.reshape(-1)[pixel]
         told = inside & (measured > 0.0)
         sight = points - view.position
-        facing = np.einsum("sni,sni->sn", normals, sight) < -_FACING * np.linalg.norm(sight, axis=-1)
+        cosine = np.einsum("sni,sni->sn", normals, sight) / np.linalg.norm(sight, axis=-1)
+        facing = cosine < -_FACING
         slack = tolerance(away)
         around = view.nearest.reshape(-1)[pixel]  # at the rim, a pose that is a little beside is not refuted
-        refuted |= told & np.isfinite(around) & (around > away + slack)
+        refuted |= told & np.isfinite(around) & (around > away + slack) & (np.abs(cosine) > _EDGE_ON)
         here = told & facing & (np.abs(measured - away) <= slack)
         by_view[:, number] = here.mean(axis=1)
         confirmed |= here

@@ -119,3 +119,14 @@ def test_a_surface_that_cameras_look_through_is_refuted_and_one_behind_something
     assert told.refuted[1] == 0.0
     assert told.hidden[1] > 0.2
     assert not told.confirmed.any()
+
+
+def test_a_face_that_is_seen_edge_on_is_not_refuted_by_what_is_seen_past_it() -> None:
+    width, height = SIZE
+    view = View.of(CAMERAS["left"], np.full((height, width), 1200, np.uint16))
+    ahead = view.position + 0.8 * view.rotation[:, 2]
+    askew = view.rotation @ Rotation.from_euler("xyz", (0.3, 0.4, 0.0)).as_matrix()
+    told = evidence(BRICK, np.stack([view.rotation, askew]), np.stack([ahead] * 2), [view])
+    facing_or_averted = float((np.abs(BRICK.normals[:, 2]) > 0.9).mean())
+    assert told.refuted[0] == pytest.approx(facing_or_averted)
+    assert told.refuted[1] == 1.0
