@@ -53,6 +53,9 @@ seconds to roll off a ball."""
 _HALF = 0.5
 """The share of its travel by which a drawer has to be open for a hand to get into it."""
 
+_GRID = 0.03
+"""m between the places where something may be hidden."""
+
 _STILL = 0.0003
 """m by which an item that is at rest seems to move from one look to the next, beside the error of its pose."""
 
@@ -83,7 +86,13 @@ def take(attempt: Attempt, item: str, source: str, home: bool = False) -> None:
 def _take(attempt: Attempt, item: str, source: str, home: bool, clears: bool = True) -> None:
     check_open(attempt, source)
     attempt.phase("plan", f"grasps of {item}")
-    pose, below = look(attempt, item), surface(attempt, source)
+    below = surface(attempt, source)
+    try:
+        pose = look(attempt, item)
+    except SkillError as failure:
+        if failure.status is not SkillStatus.NOT_THERE or not clears:
+            raise
+        pose = _uncover_from_view(attempt, item, below, failure)
     if not rests_on(attempt, pose, item, source):
         raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {source}")
     if attempt.riders(item) and uncover(attempt, item):
@@ -120,6 +129,30 @@ def check_open(attempt: Attempt, place: str) -> None:
         if opening < _HALF * drawer.stroke:
             share = f"{1000.0 * opening:.0f} of {1000.0 * drawer.stroke:.0f} mm"
             raise SkillError(SkillStatus.CLOSED, f"{place} is open by {share}")
+
+
+def _uncover_from_view(attempt: Attempt, item: str, below: Surface, failure: SkillError) -> FloatArray:
+    """Moves aside what may hide an item that is seen nowhere and should be on a surface, one thing after the other;
+    returns its pose (4, 4) once it is seen.
+
+    Raises:
+        SkillError: `failure` where nothing may hide it, or it is not there; BLOCKED where what may hide it stays.
+    """
+    attempt.phase("plan", f"what hides {item}")
+    stays: list[str] = []
+    for hider in attempt.body.hiders(item, below.grid(_GRID)):
+        try:
+            move_aside(attempt, hider)
+        except SkillError as kept:
+            if kept.status not in _STAYS or attempt.holding:
+                raise
+            stays.append(hider)
+            continue
+        if (pose := attempt.body.locate(item)) is not None:
+            return transforms.matrix(pose)
+    if not stays:
+        raise failure
+    raise SkillError(SkillStatus.BLOCKED, f"{', '.join(stays)} may hide {item}", blockers=tuple(stays))
 
 
 def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> None:

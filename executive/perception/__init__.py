@@ -7,6 +7,7 @@ evidence.py      what a pose would have the cameras see, against what they saw
 tracks.py        which of several identical things is which, and how certain that is
 assignment.py    all ways to assign one set of things to another, weighed
 estimated_scene.py  scenes for relations, drawn by what is estimated
+hiding.py        what may hide an item that is seen nowhere
 marks.py         tags in pictures for what looks the same
 localizer.py     all of it together, over time: what is seen, remembered, held, missing or unknown
 """

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from executive.perception import clouds, matching, registration
 from executive.perception.clouds import Cloud, View
 from executive.perception.evidence import evidence
+from executive.perception.hiding import hiders
 from executive.perception.matching import Match
 from executive.perception.models import ItemModel, identical
 from executive.perception.registration import Poses
@@ -118,6 +119,7 @@ class Localizer:
         self.capture = capture
         self._estimate: PosesEstimated | None = None
         self._measured = clouds.cloud([], [], [])
+        self._views: list[View] = []
         self._time = float("nan")
         self._held: tuple[str, FloatArray] | None = None
         """The item in the hand, and the transform (4, 4) of its body in the frame of the grip point."""
@@ -137,10 +139,15 @@ class Localizer:
         colours = np.round(255.0 * self._measured.colours[some]).astype(np.uint8)
         return PointCloud(self._measured.points[some].astype(np.float32), colours)
 
+    def hiders(self, item: str, spots: FloatArray) -> tuple[str, ...]:
+        """The items that may hide one that is seen nowhere (`executive.perception.hiding`): at spots (N, 3) in m."""
+        found = {n: (self._models[n], matrix(pose.pose)) for n, pose in self.now().poses.items() if n != item}
+        return hiders(self._models[item], spots, found, self._views)
+
     def estimate(self, sensed: Capture) -> PosesEstimated:
         """The poses by one capture and what is remembered of those before."""
         views, cloud, left_out = self._cloud(sensed)
-        self._measured = cloud
+        self._measured, self._views = cloud, views
         before = {} if self._estimate is None else self._estimate.poses
         found: dict[str, EstimatedPose] = {}
         hand = self.known.hand(sensed.joints)

@@ -70,6 +70,10 @@ class PoseSource(Protocol):
         """Some of the points that the last poses were estimated from, for those who watch."""
         ...
 
+    def hiders(self, item: str, spots: FloatArray) -> tuple[str, ...]:
+        """The items that may hide one that is seen nowhere, if it were at one of the spots (N, 3), in m."""
+        ...
+
 
 class Body(Protocol):
     """The live part of the handle, kept by the world."""
@@ -108,6 +112,14 @@ class Body(Protocol):
 
     def estimated_poses(self) -> PosesEstimated | None:
         """What `locate` and `obstacles` answered from last; None where that was the simulator."""
+        ...
+
+    def hiders(self, item: str, spots: FloatArray) -> tuple[str, ...]:
+        """The items behind which an item may be that is seen nowhere, the likeliest first.
+
+        Args:
+            spots: where its lowest point may be, (N, 3) in m, world frame.
+        """
         ...
 
     def command(self, position: FloatArray, velocity: FloatArray) -> None:

@@ -350,6 +350,10 @@ class MujocoWorld:
         return self._estimate
 
     @exclusive()
+    def hiders(self, item: str, spots: FloatArray) -> tuple[str, ...]:
+        return () if self.localizer is None else self.localizer.hiders(item, spots)
+
+    @exclusive()
     def command(self, position: FloatArray, velocity: FloatArray) -> None:
         # A position servo with damping lags a moving target by damping/stiffness seconds; lead by as much.
         self.data.ctrl[self._servo] = position + self._lag * velocity

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -14,6 +15,7 @@ from executive.app.depth_witness import ABSENT, DepthWitness
 from executive.app.localizer import estimate_poses, open_localizer
 from executive.app.run import Run
 from executive.faults import FaultInjector
+from executive.perception import Capture, Localizer
 from executive.relations.kinds import read_relation_kinds
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
@@ -139,3 +141,34 @@ def test_depth_tells_of_atoms_as_the_truth_has_them() -> None:
     assert {told[atom] for atom in atoms if "lemon" in atom.args} == {ABSENT}
     world.localizer = None
     assert witness.testify(world.sense(), atoms) == {}
+
+
+def behind_the_box(monkeypatch: pytest.MonkeyPatch) -> Robot:
+    """A robot with one depth camera left, which the cereal box hides the lemon from."""
+    robot = seeing(20, "cereal-box", "lemon", "soda-can")
+    robot.world.put("cereal-box", np.array([0.54, 0.0, 0.91, 0.5**0.5, 0.0, 0.0, 0.5**0.5]))
+    robot.world.put("lemon", np.array([0.42, 0.0, 0.83, 1.0, 0.0, 0.0, 0.0]))
+    robot.world.put("soda-can", np.array([0.45, -0.40, 0.86, 1.0, 0.0, 0.0, 0.0]))
+    robot.world.settle(1.0)
+    localizer = robot.world.localizer
+    assert isinstance(localizer, Localizer)
+    sense = localizer.capture
+
+    def one_eyed() -> Capture:
+        sensed = sense()
+        return replace(sensed, depth={name: depth for name, depth in sensed.depth.items() if name == "front"})
+
+    monkeypatch.setattr(localizer, "capture", one_eyed)
+    return robot
+
+
+def test_what_hides_an_item_is_moved_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = behind_the_box(monkeypatch)
+    assert robot.world.locate("lemon") is None
+    assert robot.world.hiders("lemon", np.array([[0.42, 0.0, 0.80]])) == ("cereal-box",)
+    before = robot.world.pose("cereal-box")
+    result = robot.pick("lemon", "black-table")
+    assert result.status is SkillStatus.DONE
+    assert robot.so("robot-gripping(lemon)")
+    assert np.linalg.norm(robot.world.pose("cereal-box")[:2] - before[:2]) > 0.03
+    assert robot.so("on-table(cereal-box,black-table)")

@@ -113,4 +113,4 @@ class Room:
 
 
 def _millimetres(away: FloatArray) -> DepthImage:
-    return np.where(away < 4.0, np.round(1000.0 * away), 0.0).astype(np.uint16)
+    return np.where(away < 4.0, np.round(1000.0 * np.minimum(away, 4.0)), 0.0).astype(np.uint16)

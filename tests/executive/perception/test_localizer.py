@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from executive.perception.localizer import Localizer, matrix
 from executive.types import FloatArray, PosesEstimated
-from tests.executive.perception.room import BLUE, RED, Room, box, pose
+from tests.executive.perception.room import BLUE, RED, Room, box, camera, pose
 
 BRICK = box("brick", (0.06, 0.10, 0.05), RED)
 TOWER = box("tower", (0.05, 0.05, 0.16), BLUE)
@@ -193,3 +193,15 @@ def test_poses_are_of_the_body_not_of_its_middle() -> None:
     room = Room([BRICK], {"brick": WHERE["brick"]})
     found = room.localizer(footed).now()
     assert np.abs(found.poses["footed"].pose[:3] - [0.05, 0.15, 0.0]).max() < 0.003
+
+
+def test_what_may_hide_an_item_is_what_stands_before_a_place_where_it_could_be() -> None:
+    screen = box("screen", (0.02, 0.20, 0.20), BLUE)
+    room = Room([screen, TOWER], {"screen": pose(0.1, 0.0, 0.10), "tower": WHERE["tower"]})
+    room.cameras = {"front": camera("front", (0.9, 0.0, 0.25))}
+    localizer = room.localizer(screen, TOWER, BRICK)
+    assert "brick" in localizer.now().missing
+    behind, before = np.array([[0.0, 0.0, 0.0]]), np.array([[0.22, 0.0, 0.0]])
+    assert localizer.hiders("brick", behind) == ("screen",)
+    assert localizer.hiders("brick", before) == ()  # it would be seen there
+    assert localizer.hiders("brick", np.array([[0.1, 0.0, 0.05]])) == ()  # where another thing is, nothing else can be
