@@ -144,7 +144,7 @@ def _uncover_from_view(attempt: Attempt, item: str, below: Surface, failure: Ski
         try:
             move_aside(attempt, hider)
         except SkillError as kept:
-            if kept.status not in _STAYS or attempt.holding:
+            if kept.status not in STAYS or attempt.holding:
                 raise
             stays.append(hider)
             continue
