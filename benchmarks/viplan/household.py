@@ -66,8 +66,8 @@ def _row(model: str, runs: Sequence[Run]) -> dict[str, Any]:
 
 def _calibrated(runs: Sequence[Run]) -> dict[str, Any]:
     """Return the calibration error and the Brier score before and after, None for too few problems, and the error that
-    chance alone leaves."""
-    looks, units, questions = [], [], list[tuple[Any, ...]]()
+    chance alone leaves. Each problem's answers are corrected by what was learned of all other problems."""
+    looks, units = [], []
     for run in runs:
         for look in run.looks:
             said = {atom: answer for atom, answer in look.answers.items() if answer.probability is not None}
@@ -77,19 +77,18 @@ def _calibrated(runs: Sequence[Run]) -> dict[str, Any]:
                 units.append(run.unit)
     row: dict[str, Any] = {"answers": sum(len(truth) for _, truth in looks)}
     try:
-        before, after = calibration.held_out(looks, units)
-        fitted = calibration.fit(looks)
+        before, after = calibration.held_out(looks, units, parts=len(set(units)))
     except (ValueError, InputError):
         return row | dict.fromkeys(("ece_before", "ece_after", "ece_by_chance", "brier_before", "brier_after"))
-    corrected = []
-    for (belief, truth), unit in zip(looks, units, strict=True):
-        for atom, probability in fitted.apply(belief).probability.items():
-            corrected.append(probability)
-            questions.append((unit, atom, truth[atom]))
+    questions = [
+        (unit, atom, truth[atom])
+        for (belief, truth), unit in zip(looks, units, strict=True)
+        for atom in belief.probability
+    ]
     return row | {
         "ece_before": expected_calibration_error(before, BINS),
         "ece_after": expected_calibration_error(after, BINS),
-        "ece_by_chance": by_chance(corrected, questions),
+        "ece_by_chance": by_chance([probability for probability, _ in after], questions),
         "brier_before": _brier(before),
         "brier_after": _brier(after),
     }

@@ -21,6 +21,7 @@ from executive.belief import (
     Monitor,
     MutexNetwork,
     SensorModel,
+    StateSpace,
     ThresholdMonitor,
     Thresholds,
     WitnessModel,
@@ -28,11 +29,16 @@ from executive.belief import (
 from executive.belief.action_model import process_noise
 from executive.domain.loader import Domain
 from executive.errors import DomainError, OptionError
-from executive.planning.invariants import broken, contradicted
-from executive.planning.mutex_groups import find_mutexes
-from executive.planning.state_listing import groups_of, list_states
+from executive.planning.invariants import broken, contradicted, survives_accidents
+from executive.planning.literal_pairs import LiteralPairs
+from executive.planning.mutex_groups import Mutexes, find_mutexes
+from executive.planning.state_listing import MOST_ACTIONS, groups_of, list_states, most_actions, steps
 from executive.s3e import calibration_file
-from executive.types import Atom
+from executive.types import Atom, Step
+
+MOST_PROVED, MOST_TIED = 2_000, 5_000
+"""Proved implications, and states of the atoms that they tie together, up to which they are used: there is a belief
+without them, too, and it is quick."""
 
 log = logging.getLogger(__name__)
 
@@ -68,26 +74,50 @@ def open_monitor(
     found = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
     # Over listed states nothing says which of their atoms are hidden.
     space = None if domain.task.visible else list_states(domain.parsed, found)
-    network = _network(domain, groups_of(found, space))
+    network = _network(domain, found, space)
     actions = ActionModel(counts, process_noise(len(domain.task.atoms))) if config.memory else None
     carried, visibility = domain.looking.carried, domain.task.visibility
     return BayesMonitor(network, sensor, actions, thresholds, carried, space, witnesses, visibility)
 
 
-def _network(domain: Domain, groups: tuple[Group, ...]) -> MutexNetwork:
+def _network(domain: Domain, found: Mutexes, space: StateSpace | None) -> MutexNetwork:
     """Return the task's atoms with what is known of its states."""
-    stated = domain.parsed.invariants
-    if not stated:
-        return MutexNetwork(domain.task.atoms, groups)
+    groups, stated, atoms = groups_of(found, space), domain.parsed.invariants, domain.task.atoms
+    moves = tuple(steps(domain.parsed)) if most_actions(domain.parsed) <= MOST_ACTIONS else ()
+    proved = None
+    if space is None and moves and not domain.leaves_open:  # the proof begins at a complete state
+        proved = LiteralPairs.reachable(atoms, moves, found.state)
+    if proved is not None and not groups:  # as where effects have conditions, of which the translator proves little
+        groups = tuple(
+            Group(group.atoms, group.exact and survives_accidents(group.at_least_one, moves))
+            for group in proved.groups()
+        )
+    if stated:
+        return _stated(domain, groups, moves)
+    parts = [] if proved is None else list(proved.implications(groups))
+    if not 0 < len(parts) <= MOST_PROVED:
+        return MutexNetwork(atoms, groups)
+    hard = tuple(part for part in parts if survives_accidents(part, moves))
+    costly = tuple(part for part in parts if part not in set(hard))
+    return ConstrainedNetwork(atoms, groups, hard, costly, MOST_TIED).reduced()
+
+
+def _stated(domain: Domain, groups: tuple[Group, ...], moves: Sequence[Step]) -> MutexNetwork:
+    """Return the task's atoms with the mutex groups and what the domain states."""
+    stated, atoms = domain.parsed.invariants, domain.task.atoms
     check_invariants(domain, groups)
+    parts = [part for each in stated.values() for part in each.conjuncts]
+    hard = tuple(part for part in parts if survives_accidents(part, moves))
+    costly = tuple(part for part in parts if part not in hard)
     try:
-        network = ConstrainedNetwork(domain.task.atoms, groups, tuple(stated.values()))
+        if costly:  # some state has to keep all of them, even so
+            ConstrainedNetwork(atoms, groups, tuple(parts))
+        network = ConstrainedNetwork(atoms, groups, hard, costly)
     except ValueError:
         raise DomainError("no state at all keeps these", file=domain.files[0], key="invariants") from None
     for name, each in stated.items():
-        if not network.unused_among(each):
-            continue
-        log.warning("invariant %s ties too many atoms together; answers are not made consistent with it", name)
+        if network.unused_among(each):
+            log.warning("invariant %s ties too many atoms together; answers are not made consistent with it", name)
     return network
 
 

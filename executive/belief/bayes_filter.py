@@ -25,7 +25,7 @@ from executive.belief.action_model import ActionModel, Chances, affected, skill_
 from executive.belief.constrained import ConstrainedNetwork
 from executive.belief.interface import Judgement, Thresholds
 from executive.belief.last_known import LastKnown
-from executive.belief.mutex_inference import Group, MutexNetwork
+from executive.belief.mutex_inference import EMPTY_GROUP, Group, MutexNetwork
 from executive.belief.priors import Listed, Posterior, Prior, Weighted, infer, predict
 from executive.belief.priors import posterior as listed_posterior
 from executive.belief.sensor_model import LEAST_EVIDENCE, PastEvidence, SensorModel
@@ -46,9 +46,6 @@ from executive.types import (
 
 DEFAULT_THRESHOLDS = Thresholds(0.15, 0.85)
 """The thresholds where no error rate was requested: probabilities in between mean unknown."""
-
-EMPTY_GROUP = 0.05
-"""The prior probability that all atoms of a group are false, in a group that allows that."""
 
 HIDDEN_NOISE = 0.1
 """The process noise of what is hidden, as a share of that of what is not: what nobody sees is seldom moved. Assumed."""

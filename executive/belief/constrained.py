@@ -5,20 +5,24 @@ Constraints tie atoms together, directly and through the groups that these are i
 own states, listed by going through its groups and atoms one after the other and leaving out what cannot become a legal
 state any more; over them inference is exact (`executive.belief.state_space`). All other atoms are left to the groups. A
 constraint of which the part has too many states is not used, and is among `unused`.
+
+What actions keep and accidents break is a constraint that costs: a state that breaks it is as improbable as an empty
+group, and no more.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from executive.belief.mutex_inference import MAX_FRONTIER, Group, MutexNetwork, Solution
+from executive.belief.mutex_inference import EMPTY_GROUP, MAX_FRONTIER, Group, MutexNetwork, Solution
 from executive.belief.packed_actions import BoolArray
 from executive.belief.state_space import StateSpace, truths
-from executive.types import Atom, Condition
+from executive.types import Atom, Condition, FloatArray
 
 MOST_LISTED = 100_000
 """States of one part up to which they are listed."""
@@ -27,33 +31,51 @@ _ROUNDS, _CLOSE = 60, 1e-4
 """How often weights are corrected at most, and how close to the given marginals is close enough."""
 
 
+class _Part(NamedTuple):
+    """Atoms that constraints tie together: their states, and the logarithm of each one's prior weight, (N,)."""
+
+    space: StateSpace
+    log_prior: FloatArray | None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstrainedNetwork(MutexNetwork):
     """The atoms of a task, their mutex groups, and constraints that every state keeps besides.
+
+    Attributes:
+        constraints: what every state keeps.
+        costly: what states keep unless there was an accident. That one of a group's atoms is true costs by the group.
+        most: states of one part up to which they are listed.
+        unused: the constraints whose parts have more.
 
     Raises:
         ValueError: as `MutexNetwork`, or no state keeps all constraints.
     """
 
     constraints: tuple[Condition, ...] = ()
+    costly: tuple[Condition, ...] = ()
+    most: int = MOST_LISTED
     unused: tuple[Condition, ...] = field(init=False, default=(), repr=False)
-    _parts: tuple[StateSpace, ...] = field(init=False, default=(), repr=False)
+    _parts: tuple[_Part, ...] = field(init=False, default=(), repr=False)
     _others: MutexNetwork = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         groups = tuple(map(self._made_exact, self.groups))
         object.__setattr__(self, "groups", groups)
         MutexNetwork.__post_init__(self)
-        said = {part for group in groups if group.exact for part in _at_least_one(group)}
-        left = [part for each in self.constraints for part in each.conjuncts if part not in said]
+        said = {part for group in groups for part in group.at_least_one.conjuncts}
+        left = list(dict.fromkeys(part for each in self.constraints for part in each.conjuncts if part not in said))
+        told = {*said, *left}
+        costly = list(dict.fromkeys(part for each in self.costly for part in each.conjuncts if part not in told))
         parts, unused = [], []
-        for atoms, own in _tied(left, groups):
-            space = listed(atoms, [group for group in groups if not atoms.isdisjoint(group.atoms)], own)
+        for atoms, own in _tied(left + costly, groups):
+            hard = [each for each in own if each not in costly]
+            space = listed(atoms, [group for group in groups if not atoms.isdisjoint(group.atoms)], hard, self.most)
             if space is None:
                 unused += own
             else:
-                parts.append(space)
-        inside = {atom for space in parts for atom in space.atoms}
+                parts.append(_Part(space, _log_prior(space, [each for each in own if each in costly])))
+        inside = {atom for part in parts for atom in part.space.atoms}
         rest = tuple(group for group in groups if inside.isdisjoint(group.atoms))
         object.__setattr__(self, "_parts", tuple(parts))
         object.__setattr__(self, "unused", tuple(unused))
@@ -62,13 +84,13 @@ class ConstrainedNetwork(MutexNetwork):
     def _made_exact(self, group: Group) -> Group:
         """A group of which the constraints say that one of its atoms is true."""
         clauses = (part for each in self.constraints for part in each.conjuncts if part.choices or part.facts.true)
-        named = (frozenset(part.atoms) for part in clauses if part in set(_at_least_one(Group(tuple(part.atoms)))))
+        named = (frozenset(part.atoms) for part in clauses if part == Group(tuple(part.atoms)).at_least_one)
         return Group(group.atoms, group.exact or any(atoms <= set(group.atoms) for atoms in named))
 
     def solve(self, weights: Mapping[Atom, float], max_frontier: int = MAX_FRONTIER) -> Solution:
         found = self._others.solve(weights, max_frontier)
-        for space in self._parts:
-            own = space.solve(weights)
+        for space, log_prior in self._parts:
+            own = space.solve(weights, log_prior)
             found = Solution(
                 found.log_total + own.log_total,
                 {**found.marginal, **own.marginal},
@@ -80,8 +102,18 @@ class ConstrainedNetwork(MutexNetwork):
 
     def log_total(self, weights: Mapping[Atom, float], max_frontier: int = MAX_FRONTIER) -> float:
         return self._others.log_total(weights, max_frontier) + sum(
-            space.solve(weights).log_total for space in self._parts
+            space.solve(weights, log_prior).log_total for space, log_prior in self._parts
         )
+
+    def reduced(self) -> MutexNetwork:
+        """Return the same without the constraints that are not used: a plain network where none is left."""
+        hard, costly = (
+            tuple(part for each in some for part in each.conjuncts if part not in self.unused)
+            for some in (self.constraints, self.costly)
+        )
+        if not hard and not costly:
+            return MutexNetwork(self.atoms, self.groups)
+        return ConstrainedNetwork(self.atoms, self.groups, hard, costly)
 
     def unused_among(self, constraint: Condition) -> bool:
         """Whether a part of the constraint is not used."""
@@ -91,15 +123,23 @@ class ConstrainedNetwork(MutexNetwork):
         """Return weights under which the atoms that constraints tie together have the given marginals, from some that
         would do without constraints (maximum entropy, by damped iterative scaling)."""
         found = dict(weights)
-        for space in self._parts:
+        for space, log_prior in self._parts:
             wanted = {atom: _log_odds(marginal[atom]) for atom in space.atoms}
             for _ in range(_ROUNDS):
-                now = space.solve(found).marginal
+                now = space.solve(found, log_prior).marginal
                 if max(abs(now[atom] - marginal[atom]) for atom in space.atoms) < _CLOSE:
                     break
                 for atom in space.atoms:
                     found[atom] += 0.5 * (wanted[atom] - _log_odds(now[atom]))
         return found
+
+
+def _log_prior(space: StateSpace, costly: Sequence[Condition]) -> FloatArray | None:
+    if not costly:
+        return None
+    price = math.log((1.0 - EMPTY_GROUP) / EMPTY_GROUP)
+    broken: FloatArray = np.sum([~space.holds(each) for each in costly], axis=0, dtype=np.float64)
+    return -price * broken
 
 
 def listed(
@@ -158,11 +198,6 @@ def _tied(constraints: Sequence[Condition], groups: Sequence[Group]) -> list[tup
         more = [each for part in touching for each in part[1]]
         joined.append((atoms.union(*(part[0] for part in touching)), more + own))
     return [part for part in joined if part[1]]
-
-
-def _at_least_one(group: Group) -> Iterable[Condition]:
-    """Yield the parts of the condition that one of the group's atoms is true."""
-    return Condition.any_of(map(Condition.literal, group.atoms)).conjuncts
 
 
 def _log_odds(probability: float) -> float:

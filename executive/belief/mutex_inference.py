@@ -17,13 +17,17 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
 from executive.belief.wide_frontier import WideFrontier
-from executive.types import Atom
+from executive.types import Atom, Condition
 
 MAX_FRONTIER = 2048
 """The most combinations of taken groups that are kept at a time. Up to this many, inference is exact."""
 
 WIDE = 16
 """Combinations from which on arrays are quicker than going from one to the next."""
+
+EMPTY_GROUP = 0.05
+"""The prior probability that all atoms of a group are false, in a group that allows that; and that a state breaks what
+actions keep and accidents break."""
 
 _NONE = -1
 
@@ -45,6 +49,11 @@ class Group:
                 f"a mutex group needs one or more different atoms, got {', '.join(map(str, self.atoms)) or 'none'}"
             )
         object.__setattr__(self, "atoms", tuple(sorted(self.atoms)))
+
+    @property
+    def at_least_one(self) -> Condition:
+        """The condition that one or more of the atoms are true."""
+        return Condition.any_of(map(Condition.literal, self.atoms))
 
     def violated(self, true: Collection[Atom]) -> bool:
         """Whether the group forbids that, of its atoms, exactly those in `true` are true."""

@@ -205,34 +205,14 @@ class StateSpace:
         return self._classes[key]
 
     def mutex_groups(self) -> tuple[Group, ...]:
-        """Return sets of atoms of which no listed state has two, each about one object: all atoms of a predicate with
-        the object in one place, and as many others as go with them. They are not exact: after an accident a thing may
-        be nowhere."""
+        """Return sets of atoms of which no listed state has two (`largest_groups`). They are not exact: after an
+        accident a thing may be nowhere."""
         size = len(self.atoms)
         together = np.zeros((size, size), dtype=np.bool_)
         for first in range(0, len(self), _CHUNK):
             rows = self._bits(self.packed[first : first + _CHUNK]).astype(np.float32)
             together |= rows.T @ rows > 0
-        possible = together.diagonal().copy()
-        np.fill_diagonal(together, False)
-        families: dict[str, dict[tuple[str, int], list[int]]] = {}
-        for index, atom in enumerate(self.atoms):
-            for place, name in enumerate(atom.args if possible[index] else ()):
-                families.setdefault(name, {}).setdefault((atom.predicate, place), []).append(index)
-        found: set[frozenset[int]] = set()
-        for parts in families.values():
-            for family in parts.values():
-                members = list(family)
-                for other in parts.values():
-                    more = [index for index in other if index not in members]
-                    if not together[np.ix_(members + more, members + more)].any():
-                        members += more
-                if not together[np.ix_(members, members)].any() and len(members) > 1:
-                    found.add(frozenset(members))
-        largest = [group for group in found if not any(group < other for other in found)]
-        return tuple(
-            sorted((Group(tuple(self.atoms[index] for index in group)) for group in largest), key=lambda g: g.atoms)
-        )
+        return largest_groups(self.atoms, together)
 
     def always_one(self, group: Group) -> bool:
         """Whether every listed state has one or more of the group's atoms."""
@@ -282,6 +262,34 @@ _CHUNK = 65_536
 """States that are worked on at a time."""
 
 _Keys: TypeAlias = npt.NDArray[np.generic]
+
+
+def largest_groups(atoms: Sequence[Atom], together: BoolArray) -> tuple[Group, ...]:
+    """Return sets of atoms of which no two are true together, each about one object: all atoms of a predicate with the
+    object in one place, and as many others as go with them.
+
+    Args:
+        together: which atoms may be true together, (atoms, atoms); on the diagonal, which may be true at all. It is
+            written to.
+    """
+    possible = together.diagonal().copy()
+    np.fill_diagonal(together, False)
+    families: dict[str, dict[tuple[str, int], list[int]]] = {}
+    for index, atom in enumerate(atoms):
+        for place, name in enumerate(atom.args if possible[index] else ()):
+            families.setdefault(name, {}).setdefault((atom.predicate, place), []).append(index)
+    found: set[frozenset[int]] = set()
+    for parts in families.values():
+        for family in parts.values():
+            members = list(family)
+            for other in parts.values():
+                more = [index for index in other if index not in members]
+                if not together[np.ix_(members + more, members + more)].any():
+                    members += more
+            if not together[np.ix_(members, members)].any() and len(members) > 1:
+                found.add(frozenset(members))
+    largest = [group for group in found if not any(group < other for other in found)]
+    return tuple(sorted((Group(tuple(atoms[index] for index in group)) for group in largest), key=lambda g: g.atoms))
 
 
 def truths(condition: Condition, atoms: Sequence[Atom], states: BoolArray) -> BoolArray:

@@ -51,6 +51,25 @@ def broken(schema: Schema, groups: Sequence[Group]) -> Broken | None:
     return None
 
 
+def survives_accidents(part: Condition, steps: Sequence[Step]) -> bool:
+    """Whether what `steps` keep holds after an accident, too.
+
+    Anything can fall to where no atom speaks of it: then all atoms about it are false. So an item can be in no place at
+    all, while what is on top of another in a pile is in that one's pile, or not on top of it. What holds something is
+    left as an action leaves it: a gripper that has lost what it held is empty.
+    """
+    for thing in sorted({arg for atom in part.atoms for arg in atom.args}):
+        about = {atom for atom in part.atoms if thing in atom.args}
+        left = part.given(dict.fromkeys(about, False))
+        if left == ALWAYS or model(part & ~left) is None:
+            continue
+        leaving = [step.unconditional for step in steps if not about.isdisjoint(step.unconditional.false)]
+        leaving = [effects for effects in leaving if left.given(effects) == ALWAYS]
+        if not about <= {atom for effects in leaving for atom in effects.false}:
+            return False
+    return True
+
+
 def contradicted(schema: Schema) -> str | None:
     """Return the name of a stated invariant that :init contradicts: what it says, whatever it leaves open."""
     said = {atom: each.value for atom, each in schema.init.items()}

@@ -191,26 +191,34 @@ def fit(
 
 
 def held_out(
-    looks: Sequence[tuple[Belief, Mapping[Atom, bool]]], units: Sequence[Hashable], method: Method | str = Method.PLATT
+    looks: Sequence[tuple[Belief, Mapping[Atom, bool]]],
+    units: Sequence[Hashable],
+    method: Method | str = Method.PLATT,
+    parts: int | None = None,
 ) -> tuple[list[tuple[float, bool]], list[tuple[float, bool]]]:
-    """Return all probabilities with their labels before and after calibration, each look's by what `fit` learns of the
-    looks of other units.
+    """Return all probabilities with their labels before and after calibration, in the order of the looks, each look's
+    by what `fit` learns of the looks of other units.
+
+    Args:
+        parts: so many parts are left out in turn, `FOLDS` by default. With as many as there are units, each is left out
+            by itself: the result does not hang on who is left out with whom, which matters where units are few and the
+            share of true atoms differs between them.
 
     Raises:
         ValueError: there are fewer units than `LEAST_UNITS`, or not one for each look.
     """
-    folds = _folds(units)
+    folds = _folds(units, parts or FOLDS)
     if folds is None:
         raise ValueError(f"at least {LEAST_UNITS} units are needed to hold some out")
-    before, after = list[tuple[float, bool]](), list[tuple[float, bool]]()
+    after: dict[int, list[tuple[float, bool]]] = {}
     for fold in np.unique(folds):
         known = np.flatnonzero(folds != fold).tolist()
         fitted = fit([looks[place] for place in known], method, units=[units[place] for place in known])
         for place in np.flatnonzero(folds == fold).tolist():
             belief, truth = looks[place]
-            before += pairs(belief, truth)
-            after += pairs(fitted.apply(belief), truth)
-    return before, after
+            after[place] = pairs(fitted.apply(belief), truth)
+    before = [pair for belief, truth in looks for pair in pairs(belief, truth)]
+    return before, [pair for place in range(len(looks)) for pair in after[place]]
 
 
 FOLDS = 10
@@ -223,13 +231,13 @@ BINS = 15
 """Bins of the calibration error that corrections must not raise."""
 
 
-def _folds(units: Sequence[Hashable]) -> npt.NDArray[np.int64] | None:
+def _folds(units: Sequence[Hashable], parts: int = FOLDS) -> npt.NDArray[np.int64] | None:
     """Return for each row the number of the fold that its unit is in, by a fixed seed; None for too few units."""
     different = list(dict.fromkeys(units))
     if len(different) < LEAST_UNITS:
         return None
     turn = random.Random(0).sample(range(len(different)), len(different))
-    fold = {unit: place % FOLDS for unit, place in zip(different, turn, strict=True)}
+    fold = {unit: place % parts for unit, place in zip(different, turn, strict=True)}
     return np.array([fold[unit] for unit in units], dtype=np.int64)
 
 

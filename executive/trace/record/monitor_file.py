@@ -88,6 +88,7 @@ class _Fused:
     witnesses: Mapping[str, _Witness] = field(default_factory=dict)
     visible: Mapping[Atom, Condition] = field(default_factory=dict)
     constraints: tuple[Condition, ...] = ()
+    costly: tuple[Condition, ...] = ()
 
 
 def save(run: Path | str, monitor: Monitor) -> Path | None:
@@ -144,7 +145,7 @@ def _fused(monitor: BayesMonitor) -> _Fused:
     eye = _kept(monitor.sensor_model)
     kept = _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried, witnesses=witnesses)
     if isinstance(monitor.network, ConstrainedNetwork):
-        kept = replace(kept, constraints=monitor.network.constraints)
+        kept = replace(kept, constraints=monitor.network.constraints, costly=monitor.network.costly)
     if monitor.visibility:
         seen = monitor.visibility
         kept = replace(kept, visible=seen.conditions, rules=seen.rules.rules)
@@ -204,8 +205,8 @@ def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
         actions = ActionModel(counts, kept.unrest)
     carried = {action: (said.predicate, said.positions) for action, said in kept.carried.items()}
     network = MutexNetwork(tuple(atoms), kept.groups)
-    if kept.constraints:
-        network = ConstrainedNetwork(tuple(atoms), kept.groups, kept.constraints)
+    if kept.constraints or kept.costly:
+        network = ConstrainedNetwork(tuple(atoms), kept.groups, kept.constraints, kept.costly)
     space = _listed(kept.states, atoms, kept.rules) if kept.states else None
     witnesses = {name: WitnessModel(_sensor(each.sensor), each.shared) for name, each in kept.witnesses.items()}
     visibility = Visibility(kept.visible, DerivedRules(kept.rules)) if kept.visible else Visibility()

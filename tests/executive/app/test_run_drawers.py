@@ -118,10 +118,11 @@ def test_what_cannot_be_seen_at_once_is_seen_in_turn(tmp_path: Path) -> None:
     assert summary["actions"] <= 5
 
 
-def test_where_all_other_places_are_seen_to_be_empty_nothing_has_to_be_opened(config: RunConfig) -> None:
-    """As it is stated that the lemon is somewhere."""
-    summary, _, _ = play(replace(config, problem="is-it-there"))
-    assert (summary["outcome"], summary["goal_true"], summary["actions"]) == (OutcomeKind.GOAL_REACHED, True, 0)
+def test_that_all_other_places_are_empty_is_not_enough_as_a_thing_may_have_fallen(config: RunConfig) -> None:
+    """It is stated that the lemon is somewhere, and actions keep it there, but an accident would not."""
+    summary, seen, _ = play(replace(config, problem="is-it-there"))
+    assert (summary["outcome"], summary["goal_true"], summary["actions"]) == (OutcomeKind.GOAL_REACHED, True, 1)
+    assert Reason.TO_BE_SEEN in causes(seen)
 
 
 def test_a_model_that_speaks_of_what_it_cannot_see_is_not_believed(config: RunConfig) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 from executive.belief import StateSpace
 from executive.types import ALWAYS, Atom, Condition, Effect, Facts, Step
@@ -22,28 +23,31 @@ def top(cup: str) -> Atom:
     return Atom("top", (cup,))
 
 
-ATOMS = (
-    *(on(upper, lower) for upper in CUPS for lower in CUPS if upper != lower),
-    *(at(cup, tray) for cup in CUPS for tray in TRAYS),
-    *map(top, CUPS),
-)
-
-
-def put(cup: str, tray: str) -> Step:
+def put(cup: str, tray: str, cups: Sequence[str] = CUPS, trays: Sequence[str] = TRAYS) -> Step:
     """Take the top cup of a pile and put it on the pile of another tray, where its top is the one below afterwards."""
     effects = [Effect(ALWAYS, Facts({at(cup, tray): True, top(cup): True}))]
-    for other in CUPS:
+    for other in cups:
         if other != cup:
             effects.append(Effect(Condition.literal(on(cup, other)), Facts({on(cup, other): False, top(other): True})))
             below = Condition.of(Facts({at(other, tray): True, top(other): True}))
             effects.append(Effect(below, Facts({on(cup, other): True, top(other): False})))
     effects += [
-        Effect(Condition.literal(at(cup, other)), Facts({at(cup, other): False})) for other in TRAYS if other != tray
+        Effect(Condition.literal(at(cup, other)), Facts({at(cup, other): False})) for other in trays if other != tray
     ]
     return Step("put", (cup, tray), Condition.of(Facts({top(cup): True, at(cup, tray): False})), tuple(effects))
 
 
-STEPS = tuple(put(cup, tray) for cup in CUPS for tray in TRAYS)
+def task(cups: Sequence[str], trays: Sequence[str]) -> tuple[tuple[Atom, ...], tuple[Step, ...]]:
+    """The atoms and the actions of a task with these cups and trays."""
+    atoms = (
+        *(on(upper, lower) for upper in cups for lower in cups if upper != lower),
+        *(at(cup, tray) for cup in cups for tray in trays),
+        *map(top, cups),
+    )
+    return atoms, tuple(put(cup, tray, cups, trays) for cup in cups for tray in trays)
+
+
+ATOMS, STEPS = task(CUPS, TRAYS)
 START = frozenset({at("a", "s"), at("b", "s"), at("c", "t"), on("b", "a"), top("b"), top("c")})
 
 

@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from executive.belief import BayesMonitor, ConstrainedNetwork, Group, SensorModel
+from executive.belief.mutex_inference import EMPTY_GROUP
 from executive.types import Atom, Belief, Condition
 from tests.executive.belief.test_mutex_inference import ATOMS, groups, states, weights
 
@@ -41,6 +42,31 @@ def test_answers_are_those_of_counting_every_state(
     assert answer.marginal == pytest.approx(share, abs=1e-9)
     assert answer.log_best == pytest.approx(max(logs.values()), abs=1e-9)
     assert answer.best in there
+
+
+@given(groups, constraints, constraints, weights)
+def test_what_accidents_break_costs_and_is_not_ruled_out(
+    some: tuple[Group, ...], kept: tuple[Condition, ...], costly: tuple[Condition, ...], weight: Mapping[Atom, float]
+) -> None:
+    assume(there := allowed(some, kept))
+    hard = {part for each in kept for part in each.conjuncts}
+    exact = {Condition.any_of(map(Condition.literal, group.atoms)) for group in some}
+    costly = tuple(each for each in costly if each not in hard | exact)
+    network = ConstrainedNetwork(ATOMS, some, kept, costly)
+    price = math.log((1.0 - EMPTY_GROUP) / EMPTY_GROUP)
+
+    def broken(true: frozenset[Atom]) -> int:
+        state = {atom: atom in true for atom in ATOMS}
+        return sum(not part.truth(state) for part in {part for each in costly for part in each.conjuncts})
+
+    logs = {true: math.fsum(weight[atom] for atom in true) - price * broken(true) for true in there}
+    total = math.fsum(map(math.exp, logs.values()))
+    answer = network.solve(weight)
+    assert answer.log_total == pytest.approx(math.log(total), abs=1e-9)
+    for atom in ATOMS:
+        share = math.fsum(math.exp(log) for true, log in logs.items() if atom in true) / total
+        assert answer.marginal[atom] == pytest.approx(share, abs=1e-9)
+    assert answer.log_best == pytest.approx(max(logs.values()), abs=1e-9)
 
 
 def test_a_group_of_which_one_is_true_is_exact_and_nothing_has_to_be_listed() -> None:

@@ -11,11 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.app.check import check
+from executive.app.config import MonitorConfig
+from executive.app.monitors import open_monitor
+from executive.belief import BayesMonitor
 from executive.domain import load_domain
 from executive.errors import DomainError
-from executive.planning.invariants import after, broken, contradicted, model
+from executive.planning.invariants import after, broken, contradicted, model, survives_accidents
 from executive.planning.mutex_groups import find_mutexes
-from executive.types import Atom, Condition, Effect, Facts, Step
+from executive.planning.state_listing import steps as steps_of
+from executive.types import Atom, Belief, Condition, Effect, Facts, Step
 
 DRAWERS = Path(__file__).parents[2] / "domains" / "drawers"
 ATOMS = tuple(Atom("p", (name,)) for name in "abcde")
@@ -78,3 +82,31 @@ def test_what_an_action_breaks_is_refused_with_the_action(tmp_path: Path, formul
         check(str(folder))
     assert "invariants.wrong" in (caught.value.key or "")
     assert contradicted(load_domain(DRAWERS).parsed) is None
+
+
+def test_what_an_accident_breaks_is_told_from_what_it_does_not() -> None:
+    """What falls is in no place; the hand that held it is empty, as after putting it down."""
+    domain = load_domain(DRAWERS)
+    moves = tuple(steps_of(domain.parsed))
+    (somewhere,) = domain.parsed.invariants.values()
+    assert somewhere.conjuncts
+    assert not any(survives_accidents(part, moves) for part in somewhere.conjuncts)
+    items = sorted({atom.args[0] for atom in domain.task.atoms if atom.predicate == "holding"})
+    holding = [Condition.parse(f"holding({item})") for item in items]
+    hand = Condition.any_of((Condition.parse("hand-empty"), *holding))
+    assert survives_accidents(hand, moves)
+    assert not survives_accidents(hand, ()), "no action shows that a hand is empty without what it held"
+    assert survives_accidents(Condition.parse("(not on(a,b) or not in(b,c) or in(a,c))"), ())
+    assert not survives_accidents(Condition.parse("(in(a,c) or in(a,d))"), ())
+    assert not survives_accidents(Condition.parse("(not full(c) or in(a,c))"), ())
+
+
+def test_what_has_fallen_is_believed_to_be_nowhere_whatever_is_stated() -> None:
+    domain = load_domain(DRAWERS)
+    monitor = open_monitor(MonitorConfig(), domain, None)
+    assert isinstance(monitor, BayesMonitor)
+    told = {atom: float(atom.predicate in ("hand-empty", "open")) for atom in domain.task.atoms}
+    _, judgement = monitor.looked(monitor.begin(), Belief(0, told), 0)
+    about = {atom for atom in domain.task.atoms if "lemon" in atom.args}
+    assert judgement.seen.false >= about
+    assert not judgement.contradictions

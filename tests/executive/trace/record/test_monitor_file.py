@@ -17,6 +17,7 @@ from executive.belief import (
     ActionModel,
     BayesMonitor,
     Chances,
+    ConstrainedNetwork,
     ErrorModel,
     Monitor,
     MutexNetwork,
@@ -94,6 +95,18 @@ def test_listed_states_come_back_with_what_follows_from_them(tmp_path: Path) -> 
         (tmp_path / monitor_file.FILE).write_text(json.dumps({**kept, "states": states}))
         with pytest.raises(InputError, match="is damaged"):
             monitor_file.load(tmp_path, piles.ATOMS)
+
+
+def test_what_every_state_keeps_and_what_accidents_break_come_back(tmp_path: Path) -> None:
+    hard = Condition.literal(piles.top("a")) | Condition.literal(piles.top("b"))
+    costly = Condition.literal(piles.top("c"), False) | Condition.literal(piles.at("c", "s"))
+    network = ConstrainedNetwork(piles.ATOMS, (), (hard,), (costly,))
+    monitor_file.save(tmp_path, BayesMonitor(network))
+    again = monitor_file.load(tmp_path, piles.ATOMS)
+    assert isinstance(again, BayesMonitor)
+    assert isinstance(again.network, ConstrainedNetwork)
+    assert (again.network.constraints, again.network.costly) == ((hard,), (costly,))
+    assert again.network.solve({}) == network.solve({})
 
 
 def _bomb() -> str:
