@@ -35,7 +35,8 @@ def candidates(item: FloatArray, shape: ItemShape, table_top: float, slack: floa
         slack: how far in m the item may be from there; the fingers leave as much room on either side.
     """
     rotation = item[:3, :3]
-    centre = item[:3, 3] + rotation @ shape.centre
+    held = shape.gripped_at
+    centre = item[:3, 3] + rotation @ held
     result: list[FloatArray] = []
     off_centre: list[FloatArray] = []
     for tilt in _TILTS:
@@ -43,13 +44,15 @@ def candidates(item: FloatArray, shape: ItemShape, table_top: float, slack: floa
             straight = -(_UP - (_UP @ closing) * closing)
             straight /= np.linalg.norm(straight)
             approach = np.cos(tilt) * straight + np.sin(tilt) * np.cross(closing, straight)
-            above = shape.reach(rotation.T @ approach)
+            above = shape.reach_from(held, rotation.T @ -approach)
             for depth in _DEPTHS:
                 point = centre - max(0.0, above - depth) * approach
                 point[2] = max(point[2], table_top + _LOWEST)
                 along = np.cross(approach, closing)
                 spare = shape.reach(rotation.T @ along) - _PAD
-                for offset in (0.0, spare, -spare) if spare > 0.02 and shape.axis != 2 else (0.0,):
+                # What has a place to be taken at is taken there alone.
+                shifts = spare > 0.02 and shape.axis != 2 and shape.grip is None
+                for offset in (0.0, spare, -spare) if shifts else (0.0,):
                     for sign in (1.0, -1.0):
                         grasp = np.eye(4)
                         grasp[:3, :3] = np.stack([sign * closing, sign * along, approach], axis=1)
@@ -72,4 +75,9 @@ def _closing_axes(rotation: FloatArray, shape: ItemShape, slack: float = 0.0) ->
             axes = [across / np.linalg.norm(across)]
     else:
         axes = [rotation[:, index] for index in range(3) if abs(float(rotation[2, index])) < 0.5]
-    return [axis for axis in axes if 2 * (shape.reach(rotation.T @ axis) + slack) < WIDEST_GRIP]
+    held = shape.gripped_at
+
+    def widest(axis: FloatArray) -> float:
+        return max(shape.reach_from(held, rotation.T @ way) for way in (axis, -axis))
+
+    return [axis for axis in axes if 2 * (widest(axis) + slack) < WIDEST_GRIP]

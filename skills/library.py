@@ -75,7 +75,8 @@ def look(attempt: Attempt, item: str) -> FloatArray:
 
 def surface(attempt: Attempt, name: str) -> Surface:
     """Returns a table, a region, the floor of a drawer or a container, or the top of an item as it is now, as a
-    surface. A region in which something stands is the top of the highest item there.
+    surface. A region in which something stands is the top of the highest item there, unless it is for several side by
+    side.
 
     Raises:
         SkillError: NOT_THERE where the item is seen nowhere.
@@ -89,6 +90,8 @@ def surface(attempt: Attempt, name: str) -> Surface:
         return floors[name]
     if name in attempt.handle.regions:
         region = region_of(attempt, name)
+        if attempt.handle.regions[name].several:
+            return region
         return max(_tops_in(attempt, region), key=lambda top: float(top.centre[2]), default=region)
     if (pose := attempt.obstacles().get(name)) is None:
         raise SkillError(SkillStatus.NOT_THERE, f"{name} is seen nowhere")

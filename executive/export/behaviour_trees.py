@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from executive.export.extras import needed
 from executive.types import Atom, Condition, Facts, Step
+from executive.util.extras import needed
 
 EXTRA = "py-trees"
 

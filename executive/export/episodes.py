@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from executive.errors import InputError
-from executive.export.recording import Recording
 from executive.trace.record.frames import FRAMES_FILE
+from executive.trace.record.recording import Recording
 from executive.trace.report.summary import SUMMARY_FILE
 from executive.types import Atom, Belief, Decision, Dispatched, FloatArray, Frame, Judged, SkillResult
 from executive.util.files import read_json

@@ -5,29 +5,28 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from fractions import Fraction
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from executive.app.redrawn import Redrawn
 from executive.errors import InputError
-from executive.export.drawing import Redrawn
 from executive.export.episodes import Episode, Row
-from executive.export.extras import needed
-from executive.export.recording import Recording
+from executive.trace.record.recording import Recording
 from executive.types import FloatArray, Image
+from executive.util.extras import needed
 from executive.util.files import reason
+from executive.util.video_file import EXTRA, PIXELS, video_writer
 
-EXTRA = "video"
 VERSION = "v3.0"
 PICTURES = "observation.images."
 _DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 _EPISODES = "meta/episodes/chunk-000/file-000.parquet"
-_PIXELS, _KEYFRAMES = "yuv420p", 2
+_KEYFRAMES = 2
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 _SAMPLED = 8
 """One picture in so many counts for the statistics, and one pixel in so many of it each way."""
@@ -117,8 +116,9 @@ class _Writer:
                     key = f"{PICTURES}{camera}"
                     if key not in videos:
                         file = self._folder / _VIDEO.format(video_key=key, chunk_index=0, file_index=number)
-                        videos[key] = open_files.enter_context(_video(file, picture, episode.fps))
-                        self._shapes[key] = picture.shape[:2]
+                        writer = video_writer(file, picture.shape, episode.fps, _KEYFRAMES)
+                        videos[key] = open_files.enter_context(writer)
+                        self._shapes[key] = (picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2)
                     videos[key](picture)
                     if at % _SAMPLED == 0:
                         pixels = picture[::_SAMPLED, ::_SAMPLED].reshape(-1, 3) / 255.0
@@ -239,28 +239,9 @@ def _feature(kind: str, size: int = 1, names: list[str] | None = None) -> dict[s
 
 
 def _video_feature(height: int, width: int, fps: int) -> dict[str, Any]:
-    told = {"height": height, "width": width, "codec": "h264", "pix_fmt": _PIXELS, "fps": fps, "channels": 3}
+    told = {"height": height, "width": width, "codec": "h264", "pix_fmt": PIXELS, "fps": fps, "channels": 3}
     info = {f"video.{name}": value for name, value in told.items()} | {"video.is_depth_map": False, "has_audio": False}
     return {"dtype": "video", "shape": [height, width, 3], "names": ["height", "width", "channels"], "info": info}
-
-
-@contextmanager
-def _video(file: Path, first: Image, fps: int) -> Iterator[Callable[[Image], None]]:
-    """A video in which a frame can be found quickly; what is yielded adds a picture to it."""
-    import av
-
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with av.open(str(file), "w") as container:
-        options = {"g": str(_KEYFRAMES), "crf": "20"}
-        stream = container.add_stream("libx264", rate=fps, options=options)
-        stream.height, stream.width = first.shape[:2]
-        stream.pix_fmt, stream.time_base = _PIXELS, Fraction(1, fps)
-
-        def add(picture: Image) -> None:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-
-        yield add
-        container.mux(stream.encode(None))
 
 
 def _columns(rows: Sequence[dict[str, Any]]) -> dict[str, list[Any]]:

@@ -11,10 +11,9 @@ from typing import IO, Any
 
 from executive.errors import InputError
 from executive.export import ros_messages as ros
-from executive.export.extras import needed
-from executive.export.recording import Recording
 from executive.trace import phrases
 from executive.trace.record.codec import encode
+from executive.trace.record.recording import Recording
 from executive.types import (
     Blinded,
     Camera,
@@ -29,6 +28,7 @@ from executive.types import (
     PosesEstimated,
     SkillResult,
 )
+from executive.util.extras import needed
 from executive.util.files import check_writable, read_bytes, reason
 
 EXTRA = "mcap"

@@ -9,7 +9,7 @@ from executive.app.planners import open_planner, plan_problem
 from executive.domain.loader import load_domain
 from executive.errors import InputError
 from executive.export.behaviour_trees import Node, monitored_tree
-from executive.export.recording import Recording
+from executive.trace.record.recording import Recording
 from executive.types import Facts, NoPlan, Plan
 
 _PATIENCE = {"max_retries": 2, "precondition_wait": 2, "max_looks_again": 3}

@@ -84,7 +84,10 @@ def item_meshes(spec: SceneSpec) -> dict[str, tuple[Geometry, int | None]]:
     shapes, found = scene.item_shapes(model, spec), {}
     for item in spec.items:
         root = model.body(item.name).id
-        for geom in range(model.ngeom):
-            if model.body_rootid[model.geom_bodyid[geom]] == root:
-                found[item.name] = viewer_geometry.exact(model, geom, item.name), shapes[item.name].axis
+        parts = [
+            viewer_geometry.exact(model, geom, item.name)
+            for geom in range(model.ngeom)
+            if model.body_rootid[model.geom_bodyid[geom]] == root
+        ]
+        found[item.name] = viewer_geometry.merged(parts), shapes[item.name].axis
     return found

@@ -63,6 +63,12 @@ class PhotorealDrawing:
         self._mi, self._denoise, self.variant = _mitsuba()
         self._model, self._seed = model, seed % 2**31
         self._materials = {item.name: item.material for item in spec.items if item.material is not None}
+        for item in spec.items:
+            self._materials |= {
+                f"{item.name}/part-{number}": part.material
+                for number, part in enumerate(item.parts)
+                if part.material is not None
+            }
         drawn = [
             geom
             for geom in range(model.ngeom)
@@ -202,7 +208,7 @@ class PhotorealDrawing:
             else:  # around a cube: of one colour, in all assets that there are
                 colour = {"type": "rgb", "value": _linear(texels.mean(axis=(0, 1)) / 255.0).tolist()}
         item = model.body(model.body_rootid[model.geom_bodyid[geom]]).name
-        match self._materials.get(item):
+        match self._materials.get(item, self._materials.get(model.geom(geom).name)):
             case "metal":
                 return {"type": "roughconductor", "material": "Al", "alpha": 0.12, "specular_reflectance": colour}
             case "glass":

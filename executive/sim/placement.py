@@ -133,7 +133,11 @@ def _spot_in(
     free = np.maximum(0.5 * np.asarray(region.size) - radius, 0.0)
     for _ in range(_TRIES):
         spot = _on(table, np.asarray(region.centre) + rng.uniform(-1.0, 1.0, 2) * free)
-        if all(np.hypot(*(pose[:2] - spot)) >= radius + circle(shapes[name]) for name, pose in others.items()):
+        apart = (
+            np.hypot(*(pose[:2] - spot)) >= radius + circle(shapes[name]) + spec.placement.gap
+            for name, pose in others.items()
+        )
+        if _within_reach(spec, spot) and all(apart):
             return table.name, spot
     return None
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from executive.sim import assets, meshes
+from executive.sim import assets, compound, meshes
 from executive.sim.fixtures import Block, DrawerSpec
 from executive.sim.spec import TEXTURES, CameraSpec, ItemSpec, RegionSpec, SceneSpec, TableSpec
 from executive.types import FloatArray
@@ -72,6 +72,17 @@ class ItemShape:
     axis: int | None = None
     """The body axis (0, 1, 2 for x, y, z) that the shape is round about, None for a box and a ball."""
     is_ball: bool = False
+    grip: FloatArray | None = None
+    """The point (3,) in its body frame that the fingers close at; None for `centre`."""
+
+    @property
+    def gripped_at(self) -> FloatArray:
+        """The point (3,) in its body frame that the fingers close at: at the height of its centre."""
+        return self.centre if self.grip is None else self.grip
+
+    def reach_from(self, point: FloatArray, direction: FloatArray) -> float:
+        """How far in m the shape extends from a `point` along the unit vector `direction`, (3,) each, in its own frame."""
+        return self.reach(direction) - float((point - self.centre) @ direction)
 
     def reach(self, direction: FloatArray) -> float:
         """How far in m the shape extends from its centre along the unit vector `direction` (3,) of its own frame."""
@@ -387,6 +398,16 @@ def _item(scene: mujoco.MjSpec, item: ItemSpec) -> None:
             )  # fmt: skip
             geom.material = f"{item.name}/material"
         return
+    if item.parts:
+        for geom, part in zip(
+            compound.add_parts(scene, body, item.name, item.parts, item.mass), item.parts, strict=True
+        ):
+            geom.friction, geom.condim, geom.group = friction, 6, ITEM
+            if part.material is not None:
+                specular, shininess = _SHINE[part.material]
+                scene.add_material(name=f"{geom.name}/material", specular=specular, shininess=shininess, rgba=part.rgba)
+                geom.material = f"{geom.name}/material"
+        return
     source = assets.load(f"objects/{item.asset}.xml")
     inner = source.body("object")
     for site in list(source.sites):
@@ -453,7 +474,7 @@ def in_hand(shape: ItemShape, grip: FloatArray, hand: FloatArray) -> FloatArray 
     centre = grip + max(0.0, float(shape.half[2]) - GRIP_DEPTH) * approach
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, rotation.flatten())
-    return np.concatenate([centre - rotation @ shape.centre, quaternion])
+    return np.concatenate([centre - rotation @ shape.gripped_at, quaternion])
 
 
 _ROUND = {"can": 2, "bottle": 2, "lemon": 0}
@@ -464,17 +485,30 @@ def item_shapes(model: mujoco.MjModel, spec: SceneSpec) -> dict[str, ItemShape]:
     """Each item's bounding box, from the compiled geometry."""
     shapes = {}
     for item in spec.items:
+        round_points, other_points = [np.zeros((0, 3))], [np.zeros((0, 3))]
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
         root = model.body(item.name).id
         for geom in range(model.ngeom):
             if model.body_rootid[model.geom_bodyid[geom]] != root:
                 continue
             points = in_root_frame(model, geom, _geom_points(model, geom))
+            (round_points if item.is_round(model.geom(geom).name) else other_points).append(points)
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-        axis = 2 if item.shape == "cylinder" else _ROUND.get(item.asset or "")
-        is_ball = item.shape == "sphere"
-        shapes[item.name] = ItemShape(item.name, 0.5 * (low + high), 0.5 * (high - low), axis, is_ball)
+        axis = _ROUND.get(item.asset or "", 2 if item.shape == "cylinder" else None)
+        if item.parts and _is_within(np.concatenate(other_points), np.concatenate(round_points)):
+            axis = 2
+        centre = 0.5 * (low + high)
+        grip = None if item.grip is None else np.array([*item.grip, centre[2]])
+        shapes[item.name] = ItemShape(item.name, centre, 0.5 * (high - low), axis, item.shape == "sphere", grip)
     return shapes
+
+
+def _is_within(points: FloatArray, turned: FloatArray) -> bool:
+    """Whether points (N, 3) are within the cylinder about the z axis that is drawn around others (M, 3)."""
+    if not len(turned):
+        return False
+    radius, (low, high) = np.hypot(*turned[:, :2].T).max(), (turned[:, 2].min(), turned[:, 2].max())
+    return bool((np.hypot(*points[:, :2].T) <= radius).all() and ((points[:, 2] >= low) & (points[:, 2] <= high)).all())
 
 
 def _geom_points(model: mujoco.MjModel, geom: int) -> FloatArray:

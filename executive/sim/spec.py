@@ -17,13 +17,12 @@ from pydantic import Field, ValidationError, model_validator
 from executive.errors import DomainError, nearest
 from executive.sim.described import attributes_of, keys_of
 from executive.sim.fixtures import Colour, ContainerSpec, DrawerSpec, Floor, Name, Positive, Rectangle, Strict, Vec3
+from executive.sim.part_spec import Material, PartSpec
 from executive.util.files import read_toml
 from executive.util.validation import first_mistake
 
 ASSETS = ("milk", "bread", "lemon", "can", "cereal", "bottle")
 """robosuite's objects that an item may be made from."""
-
-Material = Literal["rubber", "metal", "wood", "glass"]
 
 TEXTURES = {"wood": "light-wood.png", "dark-wood": "dark-wood.png", "ceramic": "ceramic.png"}
 """robosuite's textures that a table may wear."""
@@ -62,13 +61,15 @@ class TableSpec(Strict):
 
 class RegionSpec(Strict):
     """A rectangle of a table's top. `centre` is where its middle is from the middle of the table, and `size` its full
-    extent, both along the table's own x and y; it is painted where it has a colour."""
+    extent, both along the table's own x and y; it is painted where it has a colour. What is put into it where something
+    stands already goes on top of that, or beside it where the region is for `several`."""
 
     name: Name
     table: Name
     centre: tuple[float, float]
     size: tuple[Positive, Positive]
     rgba: Colour | None = None
+    several: bool = False
 
 
 class ItemPart(Strict):
@@ -88,7 +89,7 @@ class ItemPart(Strict):
 
 
 class ItemSpec(Strict):
-    """A thing to be moved: a robosuite asset, scaled (along its own x, y and z), or a primitive shape."""
+    """A thing to be moved: a robosuite asset, scaled along its own x, y and z, a primitive shape, or several parts."""
 
     name: Name
     asset: str | None = None
@@ -99,6 +100,9 @@ class ItemSpec(Strict):
     rgba: Colour | None = None
     material: Material | None = None
     """What it is made of, which decides how it shines."""
+    parts: Annotated[tuple[PartSpec, ...], Field(alias="part", max_length=40)] = ()
+    grip: tuple[float, float] | None = None
+    """Where the fingers take it as it stands, along its own x and y, where that is not the middle of all of it."""
     attributes: Mapping[str, str] = {}
     """What it is described by: attribute -> value, of the scene's `[attributes]`."""
     mass: Positive = 0.1
@@ -106,8 +110,10 @@ class ItemSpec(Strict):
 
     @model_validator(mode="after")
     def _one_body(self) -> Self:
-        if (self.asset is None) == (self.shape is None):
-            raise ValueError("an item needs either 'asset' or 'shape' (with 'size')")
+        if (self.asset is not None) + (self.shape is not None) + bool(self.parts) != 1:
+            raise ValueError("an item needs one of 'asset', 'shape' (with 'size') and [[item.part]]")
+        if self.parts and (said := {"size", "scale", "rgba", "material"} & self.model_fields_set):
+            raise ValueError(f"{min(said)!r} is said by each [[item.part]], where an item has them")
         if self.asset is not None and self.asset not in ASSETS:
             raise ValueError(f"no asset {self.asset!r}; {nearest(self.asset, ASSETS)}")
         if self.shape is not None and (self.size is None or min(self.size) <= 0):
@@ -119,6 +125,12 @@ class ItemSpec(Strict):
         if self.shape == "sphere" and self.size is not None and len(set(self.size)) > 1:
             raise ValueError("a sphere's 'size' is its diameter three times")
         return self
+
+    def is_round(self, geom: str) -> bool:
+        """Whether one of its parts, by the name of its geom, is round about the item's z axis."""
+        return any(
+            part.is_round_about_z and geom == f"{self.name}/part-{number}" for number, part in enumerate(self.parts)
+        )
 
 
 class CameraSpec(Strict):

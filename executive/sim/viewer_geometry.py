@@ -84,6 +84,20 @@ def exact(model: mujoco.MjModel, geom: int, body: str) -> Geometry:
     return Geometry(body, local.astype(np.float32), faces, _colour(model, geom), body)
 
 
+def merged(parts: Sequence[Geometry]) -> Geometry:
+    """Several geometries of one body as one, in the mean of their colours by area."""
+    if len(parts) == 1:
+        return parts[0]
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    faces = np.concatenate([part.faces + np.uint32(start) for part, start in zip(parts, starts, strict=True)])
+    corners = [part.vertices[part.faces] for part in parts]
+    areas = [float(np.linalg.norm(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]), axis=1).sum()) for c in corners]
+    r, g, b, a = np.average([part.rgba for part in parts], axis=0, weights=areas)
+    first = parts[0]
+    vertices = np.concatenate([part.vertices for part in parts])
+    return Geometry(first.body, vertices, faces, (float(r), float(g), float(b), float(a)), first.name)
+
+
 def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     start, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]

@@ -62,7 +62,7 @@ def edit(folder: Path, old: str, new: str, file: str = "domain.toml") -> None:
 
 def test_the_shipped_domain_is_found_by_name_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert list_domains() == ("blocksworld", "blocksworld/columns", "cans", "grocery", "kitchen")
+    assert list_domains() == ("blocksworld", "blocksworld/columns", "cans", "grocery", "kitchen", "tabletop")
     domain = load_domain("grocery")  # with the skills and relations that the installed packages register
     assert (domain.name, domain.world, domain.task.problem) == ("grocery", "mujoco", "sort-all")
     assert domain.skills == {"pick": "pick", "place": "place"}
@@ -113,7 +113,7 @@ def test_a_problem_may_be_a_pddl_file_anywhere_that_the_caller_names(folder: Pat
 def test_a_wrong_domain_is_answered_with_the_right_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert said("grocry") == (
         "grocry: no such folder, nor a shipped domain of that name; did you mean 'grocery'? valid: blocksworld, "
-        "blocksworld/columns, cans, grocery, kitchen"
+        "blocksworld/columns, cans, grocery, kitchen, tabletop"
     )
     assert "there is no domain.toml in this folder" in said(tmp_path)
     (tmp_path / "file").touch()

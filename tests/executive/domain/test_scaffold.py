@@ -21,7 +21,7 @@ from executive.domain.skills import COME_ALONG as SKILLS
 from executive.errors import InputError
 from executive.relations.kinds import COME_ALONG
 from executive.s3e import Templates, load_instructions
-from executive.sim import fixtures, spec
+from executive.sim import fixtures, part_spec, spec
 from executive.sim.spec import read_scene
 
 WORDS_OF_PDDL = ("and", "or", "not", "imply", "exists", "forall", "when", "either", "define", "domain", "problem")
@@ -150,7 +150,7 @@ def test_every_key_of_a_manifest_is_shown() -> None:
 def test_every_word_that_may_stand_there_is_told() -> None:
     for word in (*SKILLS, *COME_ALONG):
         assert re.search(rf"^#   {word} ", text("domain.toml"), flags=re.MULTILINE), word
-    for word in (*spec.ASSETS, *spec.TEXTURES, "box", "cylinder", "sphere", *get_args(spec.Material)):
+    for word in (*spec.ASSETS, *spec.TEXTURES, *get_args(part_spec.Shape), *get_args(part_spec.Material)):
         assert re.search(rf"\b{word}\b", text("scene.toml")), word
 
 

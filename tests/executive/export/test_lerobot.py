@@ -16,12 +16,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from executive import RunConfig, run
+from executive.app.redrawn import Redrawn
 from executive.errors import InputError
 from executive.export import export_lerobot
-from executive.export.drawing import Redrawn
 from executive.export.episodes import Episode
-from executive.export.recording import Recording
 from executive.trace.record.log import read_events
+from executive.trace.record.recording import Recording
 from executive.types import Dispatched, Judged, Observation, SkillResult
 from tests.conftest import ROOT
 

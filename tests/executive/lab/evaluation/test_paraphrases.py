@@ -16,9 +16,6 @@ from executive.s3e import Templates
 from executive.types import Atom
 from tests.executive.sim.stage import ROOT
 
-GROCERY = ROOT / "domains" / "grocery"
-HELD_OUT = GROCERY / "paraphrases.toml"
-TRAINED = GROCERY / "wordings.toml"
 SUBJECT = load_subject("grocery")
 TASK = SUBJECT.task
 assert SUBJECT.questions is not None
@@ -95,18 +92,25 @@ def test_a_mistake_is_named_with_file_and_key(text: str, message: str, tmp_path:
     assert str(file) in str(told.value)
 
 
-def test_the_held_out_wordings_are_many_and_not_the_domains_own() -> None:
-    wordings = Paraphrases.read(HELD_OUT, TASK, OWN).wordings
-    own = OWN.translate(TASK).text
-    for atom in TASK.atoms:
+DOMAINS = pytest.mark.parametrize("domain", ["grocery", "tabletop"])
+
+
+@DOMAINS
+def test_the_held_out_wordings_are_many_and_not_the_domains_own(domain: str) -> None:
+    subject = load_subject(domain)
+    assert subject.questions is not None
+    templates, task = Templates.read(subject.questions), subject.task
+    wordings = Paraphrases.read(ROOT / "domains" / domain / "paraphrases.toml", task, templates).wordings
+    own = templates.translate(task).text
+    for atom in task.atoms:
         assert len(wordings[atom]) >= 8
         assert own[atom] not in wordings[atom]
 
 
-def test_no_held_out_wording_is_trained_on() -> None:
+@DOMAINS
+def test_no_held_out_wording_is_trained_on(domain: str) -> None:
     """A group such as (a|b|) of a training template means the same to a regular expression."""
-    held_out = tomllib.loads(HELD_OUT.read_text(encoding="utf-8"))["questions"]
-    trained = tomllib.loads(TRAINED.read_text(encoding="utf-8"))["questions"]
+    held_out, trained = held_out_and_trained(domain, "questions")
     assert held_out.keys() == trained.keys()
     said = [
         (text, template)
@@ -118,9 +122,18 @@ def test_no_held_out_wording_is_trained_on() -> None:
     assert said == []
 
 
-def test_no_held_out_name_is_trained_on() -> None:
-    held_out = tomllib.loads(HELD_OUT.read_text(encoding="utf-8"))["objects"]
-    trained = tomllib.loads(TRAINED.read_text(encoding="utf-8"))["objects"]
-    own = set(OWN.names(TASK).values())
+@DOMAINS
+def test_no_held_out_name_is_trained_on(domain: str) -> None:
+    held_out, trained = held_out_and_trained(domain, "objects")
+    subject = load_subject(domain)
+    assert subject.questions is not None
+    own = set(Templates.read(subject.questions).names(subject.task).values())
     said = {name.casefold() for names in trained.values() for name in names} | own
     assert said.isdisjoint(name.casefold() for names in held_out.values() for name in names)
+
+
+def held_out_and_trained(domain: str, table: str) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
+    folder = ROOT / "domains" / domain
+    files = (folder / "paraphrases.toml", folder / "wordings.toml")
+    held_out, trained = (tomllib.loads(file.read_text(encoding="utf-8"))[table] for file in files)
+    return held_out, trained

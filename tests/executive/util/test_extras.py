@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executive.errors import MissingError
-from executive.export.extras import needed
+from executive.util.extras import needed
 
 
 def test_a_missing_package_is_asked_for_by_its_extra() -> None:

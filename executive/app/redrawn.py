@@ -10,7 +10,7 @@ from executive.app.resume import PastRun
 from executive.app.worlds import make_setting
 from executive.domain.loader import load_domain
 from executive.errors import InputError, nearest
-from executive.export.recording import Recording
+from executive.trace.record.recording import Recording
 from executive.types import Frame, Image
 
 
