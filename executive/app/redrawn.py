@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from executive.app.config import CONFIG, MUJOCO, read_config
 from executive.app.resume import PastRun
@@ -12,6 +13,9 @@ from executive.domain.loader import load_domain
 from executive.errors import InputError, nearest
 from executive.trace.record.recording import Recording
 from executive.types import Frame, Image
+
+if TYPE_CHECKING:
+    from executive.sim.world import MujocoWorld
 
 
 class Redrawn:
@@ -31,12 +35,12 @@ class Redrawn:
             raise InputError(
                 "pictures are drawn by the simulator, and this run was not in it", file=recording.folder / CONFIG
             )
-        domain = load_domain(config.domain, config.problem)
-        PastRun.of(recording.folder).check(domain.task)
-        self._world = make_setting(domain, config).open(0).world
-        there = [camera.name for camera in self._world.spec.cameras]
+        self.domain = load_domain(config.domain, config.problem)
+        PastRun.of(recording.folder).check(self.domain.task)
+        self.world: MujocoWorld = make_setting(self.domain, config).open(0).world
+        there = [camera.name for camera in self.world.spec.cameras]
         if unknown := [camera for camera in cameras if camera not in there]:
-            self._world.close()
+            self.world.close()
             raise InputError(f"the scene has no such camera; {nearest(unknown[0], there)}", key=unknown[0])
         self.cameras = tuple(cameras) or tuple(there)
 
@@ -46,9 +50,9 @@ class Redrawn:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._world.close()
+        self.world.close()
 
     def show(self, frame: Frame) -> dict[str, Image]:
         """Return each camera's picture of a moment, (H, W, 3) uint8."""
-        self._world.show(frame)
-        return {camera: self._world.render(camera) for camera in self.cameras}
+        self.world.show(frame)
+        return {camera: self.world.render(camera) for camera in self.cameras}

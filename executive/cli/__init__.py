@@ -22,6 +22,7 @@ from executive.cli.app import (
 from executive.cli.campaign_commands import bench
 from executive.cli.check_command import check
 from executive.cli.export_commands import export
+from executive.cli.film_command import film
 from executive.cli.planning_commands import plan
 from executive.cli.problem_commands import problems
 from executive.cli.replay_commands import replay
@@ -46,6 +47,7 @@ __all__ = [
 app.command()(run)
 app.command()(resume)
 app.command()(estimate)
+app.command()(film)
 app.command()(collect)
 app.command("eval")(evaluate)
 app.command()(calibrate)

@@ -81,7 +81,7 @@ class ItemShape:
         return self.centre if self.grip is None else self.grip
 
     def reach_from(self, point: FloatArray, direction: FloatArray) -> float:
-        """How far in m the shape extends from a `point` along the unit vector `direction`, (3,) each, in its own frame."""
+        """How far in m the shape extends from a `point` (3,) along a unit vector (3,), both in its own frame."""
         return self.reach(direction) - float((point - self.centre) @ direction)
 
     def reach(self, direction: FloatArray) -> float:

@@ -29,7 +29,7 @@ CONTROL_PERIOD = 0.008
 """125 Hz, the rate of the UR controllers."""
 
 FRAME_PERIOD = 0.1
-"""Seconds of the world's time between two frames for the viewer."""
+"""Seconds of the world's time between two frames for the viewer, unless someone asks for more."""
 
 RATED_VELOCITY = np.full(6, np.pi)
 """The UR5e's rated joint velocity, 180 degrees/s for every joint (its data sheet)."""
@@ -120,6 +120,8 @@ class MujocoWorld:
         self._forced_open_until = -1.0
         self.localizer: PoseSource | None = None
         """What `locate` and `obstacles` answer from; without it, they tell where everything is."""
+        self.frame_period = FRAME_PERIOD
+        """Seconds of the world's time from one frame to the next for those who watch."""
         self.film_period = 0.0
         """Seconds of the world's time from one estimate of the localizer to the next while the world moves; 0: poses
         are estimated when somebody asks."""
@@ -252,6 +254,12 @@ class MujocoWorld:
         )
         return buffer.getvalue()
 
+    def copy_state(self, data: mujoco.MjData) -> None:
+        """Have other data of this world's model be in its state."""
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self.data, state, _STATE)
+        mujoco.mj_setState(self.model, data, state, _STATE)
+
     def restore(self, snapshot: bytes) -> None:
         """Continue from a snapshot. What was scheduled for later is forgotten.
 
@@ -379,7 +387,8 @@ class MujocoWorld:
         self.drawers.before_step()
         mujoco.mj_step(self.model, self.data, self._steps)
         if self._listener is not None and self.time >= self._next_frame:
-            self._next_frame = self.time + FRAME_PERIOD
+            # From the moment that it was due: what is late would add up.
+            self._next_frame = max(self._next_frame, self.time - self.frame_period) + self.frame_period
             self._listener(self.frame())
         if self.film_period and self.localizer is not None and self.time >= self._next_film:
             self._next_film = self.time + self.film_period
