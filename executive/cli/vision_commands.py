@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -40,6 +41,9 @@ def estimate(
     question: Annotated[
         list[str] | None, typer.Option(help="A question of your own, instead of all atoms; repeat it for more.")
     ] = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="What is true in the video: frames.parquet of a film, or a CSV of intervals.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="The folder for a video's plot and recording.")] = Path("."),
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON, with the prompts.")] = False,
 ) -> int:
@@ -49,6 +53,9 @@ def estimate(
 
     if bool(image) == (video is not None):
         raise InputError("pass pictures with --image, or a video with --video", key="estimate")
+    if truth is not None and (video is None or question):
+        what = "goes with --video" if video is None else "is of atoms; questions of your own have none"
+        raise InputError(what, key="--truth")
     images = estimating.read_images(image or [])
     frames = read_frames(video, every) if video is not None else iter(())
     if video is None:
@@ -60,7 +67,11 @@ def estimate(
     session = estimating.Session(domain, problem, config, atoms or (), question or ())
     for warning in session.warnings:
         print(f"warning: {one_line(warning)}", file=sys.stderr)
-    if video is not None:
+    if video is not None and truth is not None:
+        from executive.lab.film.estimate import tell_scored_video
+
+        answered = tell_scored_video(session, domain, problem, video, frames, truth, every, out, as_json)
+    elif video is not None:
         answered = estimating.tell_video(session, video, frames, every, out, as_json)
     else:
         answered = estimating.tell_look(session, image or [], images, as_json)
@@ -107,7 +118,12 @@ def evaluate(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> int:
-    """Measure a model's accuracy on collected pictures (Experiment 1 of the paper), and write a report."""
+    """Measure a model on collected pictures or on films (Experiments 1 and 2 of the paper), and write a report."""
+    from executive.lab.film.record import films_in
+
+    if films_in(config.data):
+        return _evaluate_films(config, pool_config, beside or (), out, jobs, as_json)
+
     from executive.lab.common.progress import show_progress
     from executive.lab.evaluation import report as reporting
     from executive.lab.evaluation import store
@@ -137,6 +153,42 @@ def evaluate(
     else:
         print(reporting.summary(document, folder))
     return REACHED if document["unanswered"] < document["asked"] else NOT_REACHED
+
+
+def _evaluate_films(
+    config: EvalConfig,
+    pool_config: PoolConfig,
+    beside: Sequence[Path],
+    out: Path | None,
+    jobs: int | None,
+    as_json: bool,
+) -> int:
+    """Measure a model's accuracy on films (Experiment 2 of the paper)."""
+    from executive.lab.common.progress import show_progress
+    from executive.lab.evaluation import store
+    from executive.lab.film.evaluate import FilmEvaluator, load_document
+
+    others = [load_document(folder) for folder in beside]
+    folder = out or store.default_folder(config)
+    again = shlex.join([*shlex.split(config.command), "--out", str(folder)])
+    evaluator = FilmEvaluator(config, folder)
+    side_by_side = jobs or (1 if pool_config.engine == "processes" else None)
+    with (
+        store.claimed(folder, again),
+        ctrl_c(evaluator.cancel, SECONDS_TO_LEAVE) as interrupted,
+        pool_config.open(evaluator.watcher, side_by_side, single_threaded=(side_by_side or 0) > 1) as pool,
+    ):
+        with show_progress(sys.stderr, "frames") as watch:
+            document = evaluator.run(pool, watch)
+        if document is None:
+            print(f"interrupted; films that were watched are kept, continue with: {again}", file=sys.stderr)
+            return interrupted.code
+        text = evaluator.tell(document, others)
+    if as_json:
+        print(json.dumps({**document, "report": str(folder)}, indent=2))
+    else:
+        print(f"{text}\n\nplots, recordings and answers: {folder}")
+    return REACHED
 
 
 def calibrate(

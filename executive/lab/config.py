@@ -92,7 +92,10 @@ class EvalConfig:
     """
 
     domain: Annotated[str, DOMAIN_NAME]
-    data: Annotated[Path, Option("A finished collection (see: executive collect).")]
+    data: Annotated[
+        Path,
+        Option("A finished collection (see: executive collect), a film, or a folder of films (see: executive film)."),
+    ]
     eye: EstimatorConfig = field(default_factory=EstimatorConfig)
     problem: Annotated[str | None, PROBLEM] = None
     looks: Annotated[int | None, Option("Only the first ones.", least=1)] = None

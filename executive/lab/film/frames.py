@@ -16,8 +16,10 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from executive.errors import InputError, nearest
 from executive.lab.evaluation.metrics import BoolArray
@@ -147,7 +149,7 @@ def _read_parquet(file: Path, atoms: Sequence[Atom]) -> Frames:
         raise InputError(f"is damaged ({error})", file=file) from None
 
 
-def _flags(column: np.ndarray, name: str) -> BoolArray:  # type: ignore[type-arg]
+def _flags(column: npt.NDArray[Any], name: str) -> BoolArray:
     if column.dtype != np.bool_:
         raise ValueError(f"{name} is no column of true and false")
     return column

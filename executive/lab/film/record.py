@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from executive.app.config import RunConfig
+from executive.app.config import RunConfig, read_config
 from executive.app.redrawn import Redrawn
 from executive.errors import InputError, OptionError, nearest
 from executive.lab.collection.collect import version_of
@@ -63,7 +63,11 @@ class _Recorder:
 
     def begin(self, run: Run) -> None:
         """Watch this run's world from now on."""
-        self._world, self._truth, self._atoms = run.world, run.truth, run.domain.task.atoms
+        from executive.sim.truth import Truth
+
+        domain = run.domain
+        self._world, self._atoms = run.world, domain.task.atoms
+        self._truth = Truth(run.world, domain.relations, domain.task.parameters, domain.files[0])
         self._world.frame_period = min(self._world.frame_period, 1.0 / self._fps)
 
     def write(self, event: Event) -> None:
@@ -104,7 +108,12 @@ def film_run(config: RunConfig, film: FilmConfig, folder: Path, tell: Tell = lam
                 run.world.show(frame)
                 return np.asarray(run.world.render(camera))
 
-            about = {"seed": config.seed, "faults": list(config.faults), "goal_true": summary["goal_true"]}
+            about = {
+                "problem_option": config.problem,
+                "seed": config.seed,
+                "faults": list(config.faults),
+                "goal_true": summary["goal_true"],
+            }
             return _write(folder, film, camera, recording, recorder.shots, show, about, tell)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
@@ -134,7 +143,11 @@ def film_recording(run: Path, film: FilmConfig, tell: Tell = lambda done: None) 
         _make(film.out)
         try:
             shots = [Shot(each.time, each.frame, truth.of_frame(each.frame, atoms, ROUNDED)) for each in moments]
-            about = {"seed": recording.started.seed, "recorded": str(run)}
+            about = {
+                "problem_option": read_config(run).problem,
+                "seed": recording.started.seed,
+                "recorded": str(run),
+            }
             return _write(
                 film.out, film, camera, recording, shots, lambda frame: drawn.show(frame)[camera], about, tell
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -17,6 +17,9 @@ from executive.types import Image
 
 APPLICATION = "executive-estimate"
 TIME = "time"
+_IN_A_COLUMN = 5
+"""How many views of curves are above each other; more are in two columns."""
+
 _PICTURES, _PROBABILITY = "pictures", "probability"
 
 
@@ -25,12 +28,15 @@ class Film:
 
     Use it as a context manager; what was added is in the file even when the block ends by an error.
 
+    Args:
+        colours: name -> RGB in 0..255 of its curve in each group; the viewer chooses those of other names.
+
     Raises:
         InputError: the file cannot be written.
     """
 
-    def __init__(self, file: Path | str) -> None:
-        self.file = Path(file)
+    def __init__(self, file: Path | str, colours: Mapping[str, tuple[int, int, int]] = MappingProxyType({})) -> None:
+        self.file, self._colours = Path(file), colours
         try:
             self.file.touch()
         except OSError as error:
@@ -62,7 +68,8 @@ class Film:
                 if (group, name) not in self._named:
                     self._named.add((group, name))
                     stepped = rr.components.InterpolationMode.StepAfter
-                    style = rr.SeriesLines(names=plain(name), interpolation_mode=stepped)
+                    colour = self._colours.get(name)
+                    style = rr.SeriesLines(names=plain(name), interpolation_mode=stepped, colors=colour)
                     self._record.log(entity, style, static=True)
                 # Not a number is a gap in the curve.
                 self._record.log(entity, rr.Scalars(math.nan if probability is None else probability))
@@ -79,8 +86,10 @@ def _blueprint(pictures: list[str], groups: list[str]) -> rrb.Blueprint:
         )
         for group in groups
     ]
+    many = len(curves) > _IN_A_COLUMN
+    side_by_side = rrb.Grid(*curves, grid_columns=2) if many else rrb.Vertical(*curves)
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(*seen), rrb.Vertical(*curves), column_shares=[45, 55]),
+        rrb.Horizontal(rrb.Vertical(*seen), side_by_side, column_shares=[45, 55]),
         rrb.TimePanel(state="collapsed", timeline=TIME),
         collapse_panels=True,
         auto_layout=False,
