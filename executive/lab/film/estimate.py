@@ -44,6 +44,7 @@ def tell_scored_video(
     atoms = [item.atom for item in session.items]
     frames = read_truth(truth, load_subject(domain, problem).task.atoms).only(atoms)
     memory = _memory(session, domain, problem, atoms)
+    new = not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -52,12 +53,18 @@ def tell_scored_video(
     found: list[tuple[float, int, Any, Any, float]] = []
     answers: list[dict[str, Any]] = []
     began = time.perf_counter()
-    with DrawnFilm(plot, recording, frames, video.name) as drawn:
-        for seen in watch(session.estimator, frames, video.name, pictures, memory):
-            drawn.add(seen)
-            found.append((seen.time, seen.row, seen.probability, seen.remembered, seen.seconds))
-            if as_json:
-                answers.append(_answer(seen, frames.atoms))
+    try:
+        with DrawnFilm(plot, recording, frames, video.name) as drawn:
+            for seen in watch(session.estimator, frames, video.name, pictures, memory):
+                drawn.add(seen)
+                found.append((seen.time, seen.row, seen.probability, seen.remembered, seen.seconds))
+                if as_json:
+                    answers.append(_answer(seen, frames.atoms))
+    finally:
+        if not found:  # what nothing was found of leaves nothing behind
+            recording.unlink(missing_ok=True)
+            if new:
+                out.rmdir()
     watched = Watched.of(video.name, frames, found)
     document = scoring.scored([watched])
     answered = not bool(np.isnan(watched.probability).all())

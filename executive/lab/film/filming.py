@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from executive.app.config import RunConfig
+from executive.app.worlds import make_setting
 from executive.domain.loader import load_domain
 from executive.errors import OptionError
 from executive.lab.common.process_pool import ReportProgress, WorkerPool, run_jobs
 from executive.lab.common.progress import Progress
 from executive.lab.film.config import FilmConfig
-from executive.lab.film.record import ABOUT, film_run, read_about
+from executive.lab.film.record import ABOUT, camera_of, film_run, read_about
+from executive.sim.spec import read_scene
 
 
 class Take(NamedTuple):
@@ -38,8 +40,9 @@ class Filming:
         self.config, self._cancelled = config, False
         problems = config.problems or (None,)
         for problem in dict.fromkeys(problems):
-            self._run_config(problem, config.seed)
-            load_domain(config.domain, problem)
+            domain = load_domain(config.domain, problem)
+            make_setting(domain, run_config(config, problem, config.seed))
+            camera_of(config.camera, [each.name for each in read_scene(domain.scene).cameras])
         count = config.films or 1
         width = max(3, len(str(count - 1)))
         self.takes = [
@@ -90,9 +93,6 @@ class Filming:
                     shutil.rmtree(take.folder, ignore_errors=True)
             return None
         return [read_about(take.folder) for take in self.takes]
-
-    def _run_config(self, problem: str | None, seed: int) -> RunConfig:
-        return run_config(self.config, problem, seed)
 
     def _check(self, take: Take) -> None:
         """Check that a film that is there already is the one that is wanted."""

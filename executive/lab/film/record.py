@@ -99,7 +99,7 @@ def film_run(config: RunConfig, film: FilmConfig, folder: Path, tell: Tell = lam
         recorder = _Recorder(film.fps)
         config = replace(config, runs=folder, name=RUN, viewer=False)
         with Run(config, [recorder]) as run:
-            camera = _camera(film.camera, [each.name for each in run.world.spec.cameras])
+            camera = camera_of(film.camera, [each.name for each in run.world.spec.cameras])
             recorder.begin(run)
             summary = run.execute()
             recording = Recording(folder / RUN)
@@ -136,7 +136,7 @@ def film_recording(run: Path, film: FilmConfig, tell: Tell = lambda done: None) 
     if not moments:
         raise InputError("does not say how things moved", file=run / FRAMES_FILE)
     with Redrawn(recording) as drawn:
-        camera = _camera(film.camera, drawn.cameras)
+        camera = camera_of(film.camera, drawn.cameras)
         drawn.cameras = (camera,)
         domain, atoms = drawn.domain, recording.started.task.atoms
         truth = Truth(drawn.world, domain.relations, domain.task.parameters, domain.files[0])
@@ -234,7 +234,12 @@ def _frames(atoms: tuple[Atom, ...], fps: int, rows: Sequence[timeline.Shown], t
     )
 
 
-def _camera(wanted: str | None, there: Sequence[str]) -> str:
+def camera_of(wanted: str | None, there: Sequence[str]) -> str:
+    """Return the camera that films, of those that are there: the first one if none is wanted.
+
+    Raises:
+        OptionError: there is no such camera.
+    """
     if wanted is not None and wanted not in there:
         raise OptionError(f"there is no camera {wanted!r}; {nearest(wanted, there)}", option="camera")
     return wanted or there[0]

@@ -131,8 +131,9 @@ class Chart:
     def _draw_rows(self, axes: Axes, shown: Sequence[tuple[str, str]]) -> None:
         begin, end = self._span()
         edges = [*self.times, end]
-        shaded = np.array([*self.marked, self.marked[-1]])
-        axes.fill_between(edges, -len(shown), 1.0, where=shaded, step="post", color="0.93", linewidth=0)
+        shaded = zip(self.marked, self.times, edges[1:], strict=True)
+        spans = [(time, until - time) for is_marked, time, until in shaded if is_marked]
+        axes.broken_barh(spans, (-len(shown), len(shown) + 1.0), color="0.93", linewidth=0)
         groups = list(dict.fromkeys(group for group, _ in shown))
         for number, row in enumerate(shown):
             base = -float(number)

@@ -17,6 +17,9 @@ from executive.types import Image
 
 APPLICATION = "executive-estimate"
 TIME = "time"
+_AT_ONCE = 256
+"""How many values of a curve are kept before they are written."""
+
 _IN_A_COLUMN = 5
 """How many views of curves are above each other; more are in two columns."""
 
@@ -43,7 +46,8 @@ class Film:
             raise InputError(f"cannot be written ({error.strerror})", file=file) from None
         self._record = rr.RecordingStream(APPLICATION)
         self._record.set_sinks(rr.FileSink(self.file))
-        self._named: set[tuple[str, str]] = set()
+        self._curves: dict[tuple[str, str], list[tuple[float, float]]] = {}
+        """Of each curve what is not in the file yet: times and values."""
 
     def __enter__(self) -> Film:
         return self
@@ -51,12 +55,13 @@ class Film:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._write_curves()
         self._record.flush()
         self._record.disconnect()
 
     def add(self, time: float, pictures: Mapping[str, Image], curves: Mapping[str, Mapping[str, float | None]]) -> None:
         """What was seen at `time` seconds, and what it was taken for: group -> name -> P(true), None where unknown."""
-        if not self._named:
+        if not self._curves:
             self._record.send_blueprint(_blueprint(list(pictures), list(curves)))
         self._record.set_time(TIME, duration=time)
         for name, picture in pictures.items():
@@ -64,15 +69,33 @@ class Film:
             self._record.log([_PICTURES, plain(name)], encoded)
         for group, members in curves.items():
             for name, probability in members.items():
-                entity: list[object] = [_PROBABILITY, plain(group), plain(name)]
-                if (group, name) not in self._named:
-                    self._named.add((group, name))
+                entity = _entity(group, name)
+                if (group, name) not in self._curves:
+                    self._curves[group, name] = []
                     stepped = rr.components.InterpolationMode.StepAfter
                     colour = self._colours.get(name)
                     style = rr.SeriesLines(names=plain(name), interpolation_mode=stepped, colors=colour)
                     self._record.log(entity, style, static=True)
                 # Not a number is a gap in the curve.
-                self._record.log(entity, rr.Scalars(math.nan if probability is None else probability))
+                self._curves[group, name].append((time, math.nan if probability is None else probability))
+        if max(map(len, self._curves.values()), default=0) >= _AT_ONCE:
+            self._write_curves()
+
+    def _write_curves(self) -> None:
+        """Write what was kept of the curves, a column each: one by one, numbers take ten times as much room."""
+        for (group, name), points in self._curves.items():
+            if points:
+                times, values = zip(*points, strict=True)
+                self._record.send_columns(
+                    _entity(group, name),
+                    indexes=[rr.TimeColumn(TIME, duration=times)],
+                    columns=rr.Scalars.columns(scalars=values),
+                )
+                points.clear()
+
+
+def _entity(group: str, name: str) -> str:
+    return rr.new_entity_path([_PROBABILITY, plain(group), plain(name)])
 
 
 def _blueprint(pictures: list[str], groups: list[str]) -> rrb.Blueprint:
