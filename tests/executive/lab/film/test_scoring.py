@@ -9,6 +9,7 @@ import pytest
 
 from executive.domain.loader import load_domain
 from executive.errors import InputError
+from executive.lab.evaluation.metrics import BoolArray
 from executive.lab.evaluation.published import read
 from executive.lab.film.frames import Frames
 from executive.lab.film.memory import FilmMemory, open_memory
@@ -27,7 +28,7 @@ class Scripted:
 
     name = "scripted"
 
-    def __init__(self, frames: Frames, wrong: np.ndarray, sure: float = 0.9) -> None:  # type: ignore[type-arg]
+    def __init__(self, frames: Frames, wrong: BoolArray, sure: float = 0.9) -> None:
         self._frames, self._wrong, self._sure = frames, wrong, sure
 
     def estimate(self, observation: Observation, atoms: Sequence[Atom]) -> Belief:
@@ -63,7 +64,7 @@ def pictures() -> list[tuple[float, Image]]:
     return [(float(time), PICTURE) for time in FRAMES.times]
 
 
-def watched(wrong: np.ndarray, memory: bool = True, sure: float = 0.9) -> Watched:  # type: ignore[type-arg]
+def watched(wrong: BoolArray, memory: bool = True, sure: float = 0.9) -> Watched:
     kept = FilmMemory(open_memory(DOMAIN, None)) if memory else None
     seen = watch(Scripted(FRAMES, wrong, sure), FRAMES, "front", pictures(), kept)
     return Watched.of("film", FRAMES, [(s.time, s.row, s.probability, s.remembered, s.seconds) for s in seen])
