@@ -137,7 +137,7 @@ def _spot_in(
             np.hypot(*(pose[:2] - spot)) >= radius + circle(shapes[name]) + spec.placement.gap
             for name, pose in others.items()
         )
-        if _within_reach(spec, spot) and all(apart):
+        if _within_reach(spec, table, spot) and all(apart):
             return table.name, spot
     return None
 
