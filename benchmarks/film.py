@@ -9,6 +9,7 @@ that share of the film, in spells of half a second on average.
 from __future__ import annotations
 
 import argparse
+import resource
 import sys
 import time
 from collections.abc import Sequence
@@ -122,7 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(f"\n{len(there)} films, {frames} frames, {seconds:.0f} s; {reached} of the runs reached their goal")
     for name, document in documents.items():
         if "wall" in document:
-            print(f"{name}: {document['wall']:.0f} s of wall time, {document['seconds_per_look']:.3f} s a look")
+            print(f"{name}: {document['wall']:.0f} s of wall time, {document['processor']:.3f} processor s a frame")
 
 
 def evaluate(films: Path, out: Path, given: argparse.Namespace, translator: str) -> dict[str, Any]:
@@ -132,7 +133,7 @@ def evaluate(films: Path, out: Path, given: argparse.Namespace, translator: str)
     eye = EstimatorConfig(vlm=given.vlm, server=given.server, translator=translator)
     evaluator = FilmEvaluator(EvalConfig(DOMAIN, films, eye, looks=given.films), out)
     out.mkdir(parents=True, exist_ok=True)
-    began = time.monotonic()
+    began, before = time.monotonic(), processor_seconds()
     jobs = given.jobs or 1
     with (
         PoolConfig().open(evaluator.watcher, jobs, single_threaded=jobs > 1) as pool,
@@ -141,7 +142,14 @@ def evaluate(films: Path, out: Path, given: argparse.Namespace, translator: str)
         document = evaluator.run(pool, progress)
     assert document is not None  # nothing cancels it but Ctrl-C, which ends this process
     evaluator.tell(document)
-    return {**document, "wall": time.monotonic() - began}
+    spent = processor_seconds() - before
+    return {**document, "wall": time.monotonic() - began, "processor": spent / document["frames"]["looks"]}
+
+
+def processor_seconds() -> float:
+    """What the processes that have ended took of the processors."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 if __name__ == "__main__":
