@@ -155,7 +155,7 @@ def test_what_is_wrong_is_one_line_and_leaves_nothing(
     out = str(tmp_path / "out")
     estimate = ["estimate", "tabletop", "--problem", "one-item", "--server", server.url, "--out", out]
     films = ["eval", "tabletop", str(film), "--server", server.url, "--out", out]
-    long = write_video(tmp_path / "long.mp4", greys(30), rate=2)
+    long = write_video(tmp_path / "long.mp4", greys(25), rate=2)
     broken = tmp_path / "broken.mp4"
     broken.write_bytes((film / VIDEO).read_bytes()[:3000])
     truth, video = ["--truth", str(film / TRUTH)], ["--video", str(film / VIDEO)]
