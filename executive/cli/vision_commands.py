@@ -188,7 +188,8 @@ def _evaluate_films(
         print(json.dumps({**document, "report": str(folder)}, indent=2))
     else:
         print(f"{text}\n\nplots, recordings and answers: {folder}")
-    return REACHED
+    asked = document["frames"]
+    return REACHED if asked["unanswered"] < asked["asked"] else NOT_REACHED
 
 
 def calibrate(

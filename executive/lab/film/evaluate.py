@@ -97,7 +97,7 @@ class FilmEvaluator:
         called several times a second.
 
         Raises:
-            InputError: a film is damaged, or nothing in one was answered.
+            InputError: a film is damaged.
         """
         kept = self._kept()
         missing = [clip for clip in self.clips if not (kept / f"{clip.name}.npz").exists()]
@@ -183,8 +183,6 @@ class Watcher:
                 found.append((seen.time, seen.row, seen.probability, seen.remembered, seen.seconds))
                 tell(float(len(found)))
         watched = Watched.of(clip.name, frames, found)
-        if np.isnan(watched.probability).all():
-            raise InputError("there was no answer about any frame of it", file=clip.folder)
         save_watched(self._folder / f"{clip.name}.npz", watched)
         told = config.eye.instructions
         described = {
