@@ -24,35 +24,26 @@ from __future__ import annotations
 
 import argparse
 import json
-import shlex
 import sys
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.monitored import configurations, figures, looks, spoiling
 from benchmarks.monitored.courses import Ask, RunState, courses, flipping, graded, recorded
+from benchmarks.played import StoppedError, play
 from executive.app.sensor_fit import load_outcomes
 from executive.belief import EXACT, ActionModel, ErrorModel, MutexNetwork, SensorModel
-from executive.cli.app import INTERRUPTED, ctrl_c
+from executive.cli.app import INTERRUPTED
 from executive.domain.loader import Domain, load_domain
 from executive.errors import ExecutiveError
-from executive.lab.campaign.campaign_folder import CampaignFolder
 from executive.lab.campaign.design import Campaign
-from executive.lab.campaign.episode import FAILED, Simulated
-from executive.lab.campaign.rows import read_rows
-from executive.lab.common.process_pool import ProcessPool
-from executive.lab.common.progress import show_progress
+from executive.lab.campaign.episode import FAILED
 from executive.planning.mutex_groups import find_mutexes
 from executive.util import requirements
 from executive.util.threads import cores
 
 PARTS = ("looks", "symbolic", "simulator")
-
-
-class StoppedError(Exception):
-    """Somebody pressed Ctrl-C; what was found is kept."""
 
 
 class Looks:
@@ -168,18 +159,7 @@ def parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Part]]:
 
 def _loop(part: str, campaign: Campaign, arguments: argparse.Namespace) -> Part:
     """A campaign, all of it played."""
-    out = arguments.out / part
-    with CampaignFolder(campaign, out, shlex.join(sys.argv), lambda line: print(line, file=sys.stderr)) as work:
-        wanted = work.wanted()
-        if work.missing(wanted):
-            pool = ProcessPool(
-                partial(Simulated, work.work), arguments.jobs, 60 * campaign.minutes, single_threaded=True
-            )
-            with pool, ctrl_c(work.cancel), show_progress(sys.stderr, f"{part} episodes") as watch:
-                if not work.play(wanted, pool, watch):
-                    raise StoppedError
-    rows = read_rows(out, lambda line: None)
-    played = [rows[episode.key] for episode in wanted]
+    played = play(campaign, arguments.out / part, arguments.jobs, f"{part} episodes")
     scores = figures.scores(played)
     failed = [row for row in played if row.outcome == FAILED]
     minutes = sum(row.wall_seconds for row in played) / 60

@@ -21,13 +21,14 @@ from executive.trace.record.codec import encode
 @dataclass(frozen=True, slots=True)
 class Place:
     """A problem of a domain by name; `where` and `which` are a run's arguments for them, `files` the digest of their
-    files."""
+    files. `options` of `RunConfig` override those of the campaign."""
 
     domain: str
     problem: str
     where: str
     which: str | None = None
     files: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return f"{self.domain}/{self.problem}"
@@ -102,7 +103,7 @@ class Campaign:
                             eye=who.eye,
                             monitor=who.monitor_config,
                             viewer=False,
-                            **{**self.options, **who.options},
+                            **{**self.options, **place.options, **who.options},
                         )
                         yield Episode(place, faults, who, seed, config)
 
