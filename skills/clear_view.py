@@ -12,7 +12,7 @@ import numpy as np
 
 from executive.protocols import SkillContext
 from executive.skills.arm import CARRYING, ArmSkill, Attempt, SkillError, go_home, perform
-from executive.types import FloatArray, SkillResult, SkillStatus, Step
+from executive.types import FloatArray, SkillResult, SkillStatus, Step, about_vertical
 
 _THERE = 0.02
 """rad of distance from the target below which a joint need not move."""
@@ -53,7 +53,7 @@ def view_points(attempt: Attempt) -> FloatArray:
     wanted = [tables[name] for name in attempt.step.args if name in tables] or list(tables.values())
     points = []
     for table in wanted:
-        turn = np.array([[np.cos(table.yaw), -np.sin(table.yaw)], [np.sin(table.yaw), np.cos(table.yaw)]])
+        turn = about_vertical(table.yaw)[:2, :2]
         for x, y, z in product(_ACROSS, _ACROSS, _ABOVE):
             flat = turn @ (np.array([x, y]) * np.array(table.size[:2]))
             points.append(np.array(table.centre) + np.array([*flat, z]))

@@ -13,7 +13,7 @@ from executive.sim.fixtures import Floor, Rectangle
 from executive.sim.scene import ItemShape
 from executive.sim.spec import RegionSpec, TableSpec
 from executive.skills import transforms
-from executive.types import FloatArray
+from executive.types import FloatArray, about_vertical
 
 _EDGE = 0.015
 """m from a table's edges, where there is room for that."""
@@ -150,7 +150,7 @@ def _turned(rotation: FloatArray, shape: ItemShape, surface: Surface) -> list[tu
     along = surface.yaw - float(np.arctan2(own[1], own[0]))
     found = []
     for yaw in (*(along + 0.5 * np.pi * np.arange(4)), *_YAWS):
-        local = _turn(float(yaw) - surface.yaw) @ rotation
+        local = about_vertical(float(yaw) - surface.yaw) @ rotation
         free = 0.5 * np.asarray(surface.size) - [shape.reach(local.T @ axis) for axis in np.eye(3)[:2]]
         if (free >= -1e-9).all():
             found.append((float(yaw), np.maximum(free, 0.0)))
@@ -174,14 +174,14 @@ def tight_spots(
         for name, pose in others.items()
         if _is_above(pose, shapes[name], table)
     ]
-    across = np.array([[np.cos(table.yaw), -np.sin(table.yaw)], [np.sin(table.yaw), np.cos(table.yaw)]])
+    across = about_vertical(table.yaw)[:2, :2]
     radius = min(shape.reach(rotation.T @ axis) for axis in np.eye(3)[:2])
     found: list[tuple[float, FloatArray, FloatArray]] = []
     for number, share in enumerate(rng.uniform(-1.0, 1.0, (_TIGHT_TRIES if turned else 0, 2))):
         yaw, free = turned[number % len(turned)]
         point = table.centre[:2] + across @ (share * free)
         item = np.eye(4)
-        item[:3, :3] = _turn(yaw) @ rotation
+        item[:3, :3] = about_vertical(yaw) @ rotation
         item[:2, 3] = point - (item[:3, :3] @ shape.centre)[:2]
         here = _outline(item, shape)
         room = min((here.apart(other) for other in there), default=1.0)
@@ -210,12 +210,6 @@ def _is_above(pose: FloatArray, shape: ItemShape, table: Surface) -> bool:
     """Whether an item at `pose` (7,) is so high that it can be in the way on a table."""
     corners = transforms.box_corners(transforms.matrix(pose), shape.centre, shape.half)
     return bool(corners[:, 2].max() > table.centre[2] - _LEVEL)
-
-
-def _turn(yaw: float) -> FloatArray:
-    """The rotation (3, 3) about the vertical."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def spots(

@@ -91,13 +91,6 @@ class ItemModel:
         return self._dense[1][:: _DENSE // _SAMPLES]
 
     @cached_property
-    def area(self) -> float:
-        """The area of the surface in m^2."""
-        corners = self.vertices[self.faces]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return float(0.5 * np.linalg.norm(across, axis=1).sum())
-
-    @cached_property
     def field(self) -> npt.NDArray[np.float32]:
         """The signed distance to the surface in m, negative inside, and its gradient: (X, Y, Z, 4), `CELL` apart, from
         `-(half + MARGIN)` on."""

@@ -11,7 +11,7 @@ from executive.relations import Part, Region, Scene, Solid
 from executive.sim.fixtures import Floor
 from executive.sim.scene import slide_of
 from executive.sim.spec import SceneSpec
-from executive.types import FloatArray
+from executive.types import FloatArray, about_vertical
 
 FINGERS = (
     ("left_outer_knuckle", "left_inner_finger", "left_inner_knuckle"),
@@ -33,7 +33,7 @@ class Solids:
             table.name: Solid.box(
                 np.array(table.centre) - [0.0, 0.0, 0.5 * table.size[2]],
                 0.5 * np.array(table.size),
-                _about_z(table.yaw),
+                about_vertical(table.yaw),
             )
             for table in spec.tables
         } | {container.name: floor_solid(container.floor, container.wall) for container in spec.containers}
@@ -116,8 +116,3 @@ def _corners(model: mujoco.MjModel, geom: int) -> tuple[FloatArray, float]:
             rim = np.stack([size[0] * np.cos(angles), size[0] * np.sin(angles), np.full(_ROUND, size[1])], axis=1)
             return np.concatenate([rim, rim * [1.0, 1.0, -1.0]]), 0.0
     return np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size, 0.0
-
-
-def _about_z(angle: float) -> FloatArray:
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

@@ -49,6 +49,7 @@ from executive.types.scenes import (
     PosesEstimated,
     Scenery,
     Watched,
+    about_vertical,
 )
 from executive.types.tasks import Effect, Fluent, NoPlan, NoPlanReason, Plan, Probed, Step, Task
 from executive.types.visibility import Visibility
@@ -120,6 +121,7 @@ __all__ = [
     "Verdict",
     "Visibility",
     "Watched",
+    "about_vertical",
 ]
 
 former_names.give_reason(Decision, Ended)

@@ -137,3 +137,9 @@ class PosesEstimated:
 
 Watched: TypeAlias = Frame | PosesEstimated | PointCloud
 """What those who watch a world are told."""
+
+
+def about_vertical(angle: float) -> FloatArray:
+    """Return the rotation (3, 3) by an angle in rad about the world's vertical axis."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
