@@ -38,13 +38,8 @@ from executive.s3e.backends.checkpoint import INDEX, WEIGHTS, inspect
 from executive.s3e.backends.dialect import Dialect
 from executive.s3e.backends.interface import YES_NO
 from executive.s3e.backends.openai_backend import hear, text
-from executive.s3e.backends.openai_client import (  # what a server sends passes these
-    ReplyError,
-    _decoded,
-    _models,
-    _refusal,
-    base_url,
-)
+from executive.s3e.backends.openai_client import base_url
+from executive.s3e.backends.openai_replies import ReplyError, decoded, model_names, refusal
 from executive.s3e.calibration import Calibration
 from executive.s3e.questions.language_model import LanguageModel, Reply
 from executive.s3e.questions.templates import Templates
@@ -232,13 +227,13 @@ def feed_calibration(data: bytes, scratch: Path) -> None:
 
 def feed_reply(data: bytes, scratch: Path) -> None:
     """What a chat server sends, as an answer, as text, as its list of models and as a refusal."""
-    Dialect().after(_refusal(500, "1e309", data).words or "", 500, {"messages": []}, known=False)
+    Dialect().after(refusal(500, "1e309", data).words or "", 500, {"messages": []}, known=False)
     try:
-        reply = _decoded(data)
+        reply = decoded(data)
     except ReplyError:
         raise InputError("refused") from None
     taken = 0
-    for read in (lambda: hear(reply, YES_NO), lambda: text(reply), lambda: _models(reply)):
+    for read in (lambda: hear(reply, YES_NO), lambda: text(reply), lambda: model_names(reply)):
         try:
             read()
             taken += 1

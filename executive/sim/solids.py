@@ -91,7 +91,7 @@ class Solids:
 def floor_solid(floor: Floor, thickness: float) -> Solid:
     """Return a floor as a slab of some `thickness` in m."""
     half = np.array([0.5 * floor.size[0], 0.5 * floor.size[1], 0.5 * thickness])
-    return Solid.box(np.array(floor.centre) - [0.0, 0.0, half[2]], half, _about_z(floor.yaw))
+    return Solid.box(np.array(floor.centre) - [0.0, 0.0, half[2]], half, about_vertical(floor.yaw))
 
 
 def _touchable(model: mujoco.MjModel, bodies: list[int], rooted: bool = False) -> list[int]:

@@ -27,7 +27,8 @@ import numpy as np
 
 from executive.errors import InputError
 from executive.s3e.backends.interface import LEAST_MASS, YES_NO, Answer, AnswerWords, Numerals, Words, rather
-from executive.s3e.backends.openai_client import ChatServer, Failure, ReplyError, ServerError
+from executive.s3e.backends.openai_client import ChatServer, Failure, ServerError
+from executive.s3e.backends.openai_replies import ReplyError
 from executive.s3e.questions import prompts
 from executive.s3e.questions.language_model import Reply
 from executive.types import Image

@@ -21,14 +21,18 @@ from urllib.parse import urlsplit
 
 from executive.errors import InputError, OptionError
 from executive.s3e.backends.dialect import Dialect
-from executive.util.files import parse_json
+from executive.s3e.backends.openai_replies import (
+    KEY,
+    OPENAI_KEY,
+    ReplyError,
+    decoded,
+    elsewhere,
+    model_names,
+    refusal,
+)
 
 if TYPE_CHECKING:
     import httpx2
-
-KEY, OPENAI_KEY = "EXECUTIVE_API_KEY", "OPENAI_API_KEY"
-"""Where the API key is looked up, in this order. The second one is meant for somebody else's server, so that it is
-sent over an encrypted connection or to this machine alone."""
 
 LARGEST = 4_000_000
 """Bytes; no honest reply to what is asked here is larger."""
@@ -39,11 +43,6 @@ _GREETING = 20.0
 """Seconds that a server may take to list its models."""
 _NAMED = 8
 """How many models an error message names."""
-_TOLD = 200
-"""Characters of a server's own error message that are passed on."""
-_HEARD = 4_000
-"""Characters of it that are searched for what the server does not take."""
-_BUSY = frozenset({408, 425, 429})
 _NO_SUCH_PLACE = frozenset({404, 405, 501})
 _ELSEWHERE = frozenset({301, 302, 303, 307, 308})
 _CHANGES = 8
@@ -85,25 +84,6 @@ class Failure:
     reason: str
     gone: bool = False
     status: int = 200
-
-
-class ReplyError(Exception):
-    """A reply that cannot be used. Raised by whatever reads replies; `again` says that another try may help, `words`
-    are the server's own, where it refused the request as it was."""
-
-    def __init__(
-        self,
-        reason: str,
-        *,
-        again: bool = True,
-        gone: bool = False,
-        after: float = 0.0,
-        status: int = 200,
-        words: str | None = None,
-    ) -> None:
-        super().__init__(reason)
-        self.reason, self.again, self.gone, self.after, self.status = reason, again, gone, after, status
-        self.words = words
 
 
 class ChatServer:
@@ -188,7 +168,7 @@ class ChatServer:
 
         async def ask() -> tuple[str, ...] | Failure:
             async with self._client() as client:
-                return await self._try(client, "models", _models, seconds=min(_GREETING, self.patience.reply))
+                return await self._try(client, "models", model_names, seconds=min(_GREETING, self.patience.reply))
 
         models = _run(ask())
         if not isinstance(models, Failure):
@@ -284,10 +264,10 @@ class ChatServer:
         except httpx2.HTTPError as error:
             raise ReplyError(f"no whole HTTP reply ({error or type(error).__name__})") from None
         if response.status_code in _ELSEWHERE:
-            raise _elsewhere(response.status_code, response.headers.get("location", ""), path)
+            raise elsewhere(response.status_code, response.headers.get("location", ""), path)
         if response.status_code != 200:
-            raise _refusal(response.status_code, response.headers.get("retry-after", ""), bytes(data))
-        return _decoded(bytes(data))
+            raise refusal(response.status_code, response.headers.get("retry-after", ""), bytes(data))
+        return decoded(bytes(data))
 
     def _told(self, reason: str) -> str:
         """What can be told of it: one line, and the key not in it even where the server sent it back."""
@@ -332,68 +312,3 @@ def _run(coroutine: Coroutine[Any, Any, _T]) -> _T:
         return asyncio.run(coroutine)
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(asyncio.run, coroutine).result()
-
-
-def _decoded(data: bytes) -> Any:
-    try:
-        return parse_json(data)
-    except ValueError:
-        raise ReplyError("the reply is not complete JSON") from None
-
-
-def _elsewhere(status: int, location: str, path: str) -> ReplyError:
-    """What to do about a server that sends everybody to another address. It is not followed by itself: it would be told
-    the key."""
-    to = location[:_TOLD].split("?")[0].removesuffix(f"/{path}")
-    hint = f"; pass that address with --server: {to}" if to else ""
-    return ReplyError(f"the server sends requests elsewhere (status {status}){hint}", again=False, status=status)
-
-
-def _refusal(status: int, after: str, data: bytes) -> ReplyError:
-    """What a status other than 200 means. The server's own words are passed on as far as there are any."""
-    words = _words(data)
-    told = f": {words[:_TOLD]}" if words else ""
-    if status in (401, 403):
-        # A model that may not be asked for probabilities is refused like somebody who may not ask at all.
-        hint = "" if "logprob" in words else f"; give its API key as {KEY}"
-        return ReplyError(f"the server refuses access ({status}{told}){hint}", again=False, status=status)
-    again = status >= 500 or status in _BUSY
-    try:
-        pause = min(60.0, max(0.0, float(after)))
-    except ValueError:  # a date; the usual pause does
-        pause = 0.0
-    return ReplyError(
-        f"the server answers with status {status}{told}",
-        again=again,
-        after=pause,
-        status=status,
-        words=None if status in _BUSY or status == 404 else words[:_HEARD],
-    )
-
-
-def _words(data: bytes) -> str:
-    """What a server says of what it refuses: in one of the places where such servers say it."""
-    try:
-        reply = parse_json(data)
-    except ValueError:
-        return ""
-    reply = reply[0] if isinstance(reply, list) and reply else reply  # Google's
-    error = reply.get("error") or reply if isinstance(reply, dict) else reply
-    if not isinstance(error, dict):
-        return str(error) if isinstance(error, str) else ""
-    said = error.get("message") or error.get("detail") or ""
-    if isinstance(said, list):  # FastAPI's, with where in the request
-        said = "; ".join(f"{each.get('loc')}: {each.get('msg')}" for each in said if isinstance(each, dict))
-    passed_on = error.get("metadata")  # OpenRouter's: what the server behind it said
-    more = [error.get("param"), passed_on.get("raw") if isinstance(passed_on, dict) else None]
-    return " ".join(str(each) for each in (said, *more) if each and (each is said or str(each) not in str(said)))
-
-
-def _models(reply: Any) -> tuple[str, ...]:
-    try:
-        names = [entry["id"] for entry in (() if reply["data"] is None else reply["data"])]  # null is Ollama's for none
-    except (LookupError, TypeError):
-        names = [None]
-    if not all(isinstance(name, str) and name.isprintable() for name in names):
-        raise ReplyError("what answers there is no OpenAI-compatible server: it lists no models", again=False)
-    return tuple(names)

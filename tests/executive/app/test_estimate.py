@@ -22,7 +22,7 @@ from executive.app.estimate import Session, choose, read_images, tell_video
 from executive.domain.loader import load_subject
 from executive.errors import InputError
 from executive.s3e.backends.openai_backend import data_url
-from executive.s3e.backends.openai_client import KEY
+from executive.s3e.backends.openai_replies import KEY
 from executive.s3e.calibration import Calibration, Scaling
 from executive.s3e.questions.prompts import GROCERY_INSTRUCTIONS, QUESTION_ANSWERING
 from executive.s3e.video import read_frames

@@ -19,7 +19,7 @@ from executive.app.config import EstimatorConfig
 from executive.app.run import Run, RunConfig, read_config
 from executive.errors import InputError
 from executive.replay.comparison import compare_run
-from executive.s3e.backends.openai_client import KEY
+from executive.s3e.backends.openai_replies import KEY
 from executive.s3e.questions.prompts import GROCERY_INSTRUCTIONS
 from executive.trace.report.summary import Summary
 from executive.types import Belief, Dispatched, Ended, Looked, Observation, OutcomeKind, Questions, Started

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from executive.errors import InputError
 from executive.s3e.backends.interface import TRUE_FALSE, YES_NO, AnswerWords, Backend, Look
 from executive.s3e.backends.openai_backend import CHECK, REACH, ServerBackend, hear
-from executive.s3e.backends.openai_client import ChatServer, Patience, ReplyError
+from executive.s3e.backends.openai_client import ChatServer, Patience
+from executive.s3e.backends.openai_replies import ReplyError
 from executive.s3e.backends.transformers_backend import TransformersBackend
 from executive.s3e.questions.language_model import Reply, Writer
 from executive.types import Image

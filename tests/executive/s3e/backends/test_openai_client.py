@@ -16,15 +16,13 @@ import pytest
 from executive.errors import InputError
 from executive.s3e.backends.openai_backend import ServerBackend, ServerWriter
 from executive.s3e.backends.openai_client import (
-    KEY,
-    OPENAI_KEY,
     ChatServer,
     Failure,
     Patience,
-    ReplyError,
     ServerError,
     base_url,
 )
+from executive.s3e.backends.openai_replies import KEY, OPENAI_KEY, ReplyError
 from executive.s3e.questions.language_model import Reply
 from tests.executive.s3e.chat_server import ChatServerUnderTest, Request, Response, as_json, completion, serving
 from tests.executive.s3e.on_server import IMAGE, QUESTIONS, QUICK, SYSTEM, backend, honest, look, writer
