@@ -12,9 +12,11 @@ from executive.errors import DomainError
 from executive.faults import FaultInjector, faulty_sensing
 from executive.perception import Capture, EstimatedScenes, ItemModel, Localizer
 from executive.perception.assignment import LARGEST
+from executive.perception.openings import Bar
 from executive.perception.tracks import Hint
 from executive.sim.known_models import KnownScene, item_meshes
-from executive.sim.spec import SceneSpec, TableSpec
+from executive.sim.placement import Place, places
+from executive.sim.spec import SceneSpec
 from executive.sim.world import MujocoWorld
 from executive.types import FloatArray, Observation, PosesEstimated
 
@@ -78,7 +80,22 @@ def open_localizer(
 
     spec = world.spec.model_copy(update={"items": tuple(i for i in world.spec.items if i.name in world.items)})
     models = item_models(spec) if models is None else models
-    return Localizer(models, known or KnownScene(spec), capture, lambda: world.time, hint)
+    return Localizer(models, known or KnownScene(spec), capture, lambda: world.time, hint, bars_of(spec))
+
+
+def bars_of(spec: SceneSpec) -> list[Bar]:
+    """Return the bars of the handles of a scene's drawers."""
+    return [
+        Bar(
+            drawer.name,
+            drawer.bar(0.0),
+            drawer.axis,
+            0.5 * drawer.handle.width,
+            drawer.handle.thickness,
+            drawer.stroke,
+        )
+        for drawer in spec.drawers
+    ]
 
 
 def item_models(spec: SceneSpec) -> list[ItemModel]:
@@ -93,7 +110,7 @@ def item_models(spec: SceneSpec) -> list[ItemModel]:
 
 def _hint(world: MujocoWorld, placed: Mapping[str, str]) -> Hint:
     """How probable it is that an item is first seen somewhere, by the table that it is said to be on."""
-    tables = {table.name: table for table in world.spec.tables}
+    tables = places(world.spec)
 
     def hint(name: str, position: FloatArray) -> float:
         return 1.0 if name not in placed or _is_over(tables[placed[name]], position) else _MISSAID
@@ -112,7 +129,7 @@ def localize(world: MujocoWorld) -> Callable[[], PosesEstimated]:
     return now
 
 
-def _is_over(table: TableSpec, position: FloatArray) -> bool:
+def _is_over(table: Place, position: FloatArray) -> bool:
     """Whether a position (3,) is over a table's top."""
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)
     x, y = position[:2] - np.asarray(table.centre[:2])

@@ -29,6 +29,10 @@ class Surroundings(Protocol):
         """The tables by name."""
         ...
 
+    def drawers(self, openings: Mapping[str, float]) -> tuple[Mapping[str, Solid], Mapping[str, float]]:
+        """The floors of drawers that are open by so many m, and which shares of their travel that is."""
+        ...
+
     def finger_solids(self, joints: FloatArray, fingers: FloatArray) -> tuple[Solid, Solid]:
         """The left and the right finger at measured joint positions of arm and fingers (rad)."""
         ...
@@ -52,6 +56,8 @@ class EstimatedScenes:
         solids = self._surroundings.finger_solids(joints, fingers)
         feels = HOLDING[0] < width < HOLDING[1]
         others = [_lump(lump) for lump in poses.lumps]
+        floors, shares = self._surroundings.drawers(poses.openings) if poses.openings else ({}, {})
+        tables = {**self._surroundings.tables, **floors}
         rng = np.random.default_rng(0)
         found = []
         for number in range(DRAWN):
@@ -59,7 +65,7 @@ class EstimatedScenes:
                 name: self._solids[name].moved(*_off(pose, rng.standard_normal(6) if number else np.zeros(6)))
                 for name, pose in poses.poses.items()
             }
-            found.append(Scene(items, self._surroundings.tables, solids, feels, others, TOLERANCE))
+            found.append(Scene(items, tables, solids, feels, others, TOLERANCE, openings=shares))
         return found
 
 

@@ -15,6 +15,7 @@ from executive.perception.evidence import evidence
 from executive.perception.hiding import hiders
 from executive.perception.matching import Match
 from executive.perception.models import ItemModel, identical
+from executive.perception.openings import Bar, openings
 from executive.perception.registration import Poses
 from executive.perception.tracks import Hint, Tracks
 from executive.types import Camera, DepthImage, EstimatedPose, FloatArray, Image, Lump, PointCloud, PosesEstimated
@@ -80,6 +81,10 @@ class Known(Protocol):
         """Two corners (3,) of the space in which things are looked for."""
         ...
 
+    def slide(self, openings: Mapping[str, float]) -> None:
+        """Have drawers (name -> m) be as far open from now on."""
+        ...
+
     def expected(self, joints: FloatArray, fingers: FloatArray, cameras: Sequence[str]) -> Mapping[str, FloatArray]:
         """The distances (H, W) in m that cameras would measure if there were nothing but furniture and robot."""
         ...
@@ -98,6 +103,7 @@ class Localizer:
         capture: senses everything now.
         clock: tells the time of the world in s; as long as it stands still, nothing is sensed anew.
         hint: what is known beforehand of where each of several identical items is first seen.
+        bars: those of the handles of all drawers.
 
     Attributes:
         known: as given.
@@ -111,6 +117,7 @@ class Localizer:
         capture: Callable[[], Capture],
         clock: Callable[[], float],
         hint: Hint | None = None,
+        bars: Sequence[Bar] = (),
     ) -> None:
         self._models = {model.name: model for model in models}
         self.identical = tuple(identical(models))
@@ -121,6 +128,7 @@ class Localizer:
         self._measured = clouds.cloud([], [], [])
         self._views: list[View] = []
         self._time = float("nan")
+        self._bars, self._openings = tuple(bars), dict[str, float]()
         self._held: tuple[str, FloatArray] | None = None
         """The item in the hand, and the transform (4, 4) of its body in the frame of the grip point."""
 
@@ -171,15 +179,21 @@ class Localizer:
         missing = tuple(sorted(self._models.keys() - found.keys()))
         lumps = tuple(_lump(cloud.points[group]) for group in clouds.clusters(cloud.points, *self.known.bounds))
         identity = {name: row for tracks in self._tracks.values() for name, row in tracks.identity().items()}
-        return PosesEstimated({name: found[name] for name in sorted(found)}, missing, lumps, left_out, identity)
+        poses = {name: found[name] for name in sorted(found)}
+        return PosesEstimated(poses, missing, lumps, left_out, identity, dict(self._openings))
 
     def _cloud(self, sensed: Capture) -> tuple[list[View], Cloud, dict[str, str]]:
         """The views that are used, the points of what is neither robot nor room, and why other views are not used."""
+        every = {name: View.of(self.known.cameras[name], depth) for name, depth in sensed.depth.items()}
+        if self._bars:
+            measured = [view.points(np.flatnonzero(view.depth > 0.0)) for view in every.values()]
+            points, hand = np.concatenate([np.empty((0, 3)), *measured]), self.known.hand(sensed.joints)[:3, 3]
+            self._openings = openings(self._bars, points, hand, self._openings)
+            self.known.slide(self._openings)
         expected = self.known.expected(sensed.joints, sensed.fingers, list(sensed.depth))
         left_out = {name: "no depth" for name in self.known.cameras if name not in sensed.depth}
         views, pixels, images = [], [], []
-        for name, depth in sensed.depth.items():
-            view = View.of(self.known.cameras[name], depth)
+        for name, view in every.items():
             if why := clouds.misplaced(view, expected[name]):
                 left_out[name] = why
                 continue

@@ -9,8 +9,9 @@ import numpy as np
 
 from executive.relations import Solid
 from executive.sim import scene, viewer_geometry
+from executive.sim.drawers import Drawers
 from executive.sim.rendering import Drawing
-from executive.sim.solids import Solids
+from executive.sim.solids import Solids, floor_solid
 from executive.sim.spec import SceneSpec
 from executive.types import Camera, FloatArray, Geometry
 
@@ -37,6 +38,7 @@ class KnownScene:
         self.cameras: Mapping[str, Camera] = {
             camera.name: camera for camera in viewer_geometry.of(self._model, spec).cameras
         }
+        self._drawers = Drawers({drawer.name: drawer for drawer in spec.drawers}, self._model, self._data)
         self._solids = Solids(self._model, spec.model_copy(update={"items": ()}))
         self.tables: Mapping[str, Solid] = self._solids.tables
         half = np.array([0.5 * np.hypot(table.size[0], table.size[1]) for table in spec.tables])
@@ -46,6 +48,17 @@ class KnownScene:
             np.array([*low, 0.0]) - _AROUND,
             np.array([*high, centres[:, 2].max() + _ABOVE]) + _AROUND,
         )
+
+    def slide(self, openings: Mapping[str, float]) -> None:
+        """Have drawers (name -> m) be as far open from now on."""
+        for name, opening in openings.items():
+            self._drawers.slide(name, opening)
+
+    def drawers(self, openings: Mapping[str, float]) -> tuple[Mapping[str, Solid], Mapping[str, float]]:
+        """The floors of drawers that are open by so many m, and which shares of their travel that is."""
+        specs = self._drawers.specs
+        floors = {name: floor_solid(specs[name].floor(m), specs[name].wall) for name, m in openings.items()}
+        return floors, {name: m / specs[name].stroke for name, m in openings.items()}
 
     def expected(self, joints: FloatArray, fingers: FloatArray, cameras: Sequence[str]) -> dict[str, FloatArray]:
         """The distances (H, W) in m that cameras would measure of robot and furniture alone."""

@@ -328,6 +328,9 @@ def _about_z(yaw: float) -> list[float]:
 _CASE = 0.82
 """How bright a drawer's case is, as a share of the drawer itself."""
 
+_SHADES = {"floor": 1.18, "side-1": 0.92, "side-2": 0.92, "back": 0.88}
+"""Likewise of what is in it: a viewer that draws without light shows walls and floor all the same."""
+
 _STOP = ([0.006, 1.0], [0.95, 0.99, 0.001, 0.5, 2.0])
 """How hard the ends of a drawer's way are (MuJoCo's solref and solimp)."""
 
@@ -349,6 +352,8 @@ def _drawer(scene: mujoco.MjSpec, drawer: DrawerSpec) -> None:
     )  # fmt: skip
     blocks = drawer.blocks()
     _blocks(body, drawer.name, blocks, drawer.rgba)
+    for name, share in _SHADES.items():
+        scene.geom(f"{drawer.name}/{name}").rgba = [*(min(1.0, share * c) for c in drawer.rgba[:3]), drawer.rgba[3]]
     volume = sum(8.0 * math.prod(block.half) for block in blocks)
     for geom in body.geoms:
         geom.density = drawer.mass / volume

@@ -347,7 +347,10 @@ class MujocoWorld:
 
     @exclusive()
     def openings(self) -> dict[str, float]:
-        return self.drawers.openings()
+        if self.localizer is None or not self.drawers.specs:
+            return self.drawers.openings()
+        self._estimate = self._localized(self.localizer)
+        return {name: self._estimate.openings.get(name, 0.0) for name in self.drawers.specs}
 
     @exclusive()
     def locate_handle(self, drawer: str) -> FloatArray:

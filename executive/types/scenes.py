@@ -111,6 +111,7 @@ class PosesEstimated:
     """Poses were estimated from depth pictures: of each item that is seen, held or remembered. Items in `missing` are
     not seen where they were, nor anywhere else. `left_out` says why a camera's depth was not used. Of items that
     nothing tells apart, `identity` says by name how probable it is that the item is where each of them is said to be.
+    `openings` says how far each drawer is open, in m.
     """
 
     poses: Mapping[str, EstimatedPose]
@@ -118,11 +119,14 @@ class PosesEstimated:
     lumps: tuple[Lump, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
     identity: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    openings: Mapping[str, float] = field(default_factory=dict)
 
     def differs_from(self, other: PosesEstimated, by: float) -> bool:
         """Whether something is found or missing that was not, or is more than `by` m from where it was, or is more or
         less certainly what it is called than it was."""
-        if self.poses.keys() != other.poses.keys():
+        if self.poses.keys() != other.poses.keys() or self.openings.keys() != other.openings.keys():
+            return True
+        if any(abs(opening - other.openings[name]) > by for name, opening in self.openings.items()):
             return True
         for name, pose in self.poses.items():
             before = other.poses[name]

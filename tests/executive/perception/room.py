@@ -69,6 +69,9 @@ class Room:
     def localizer(self, *models: ItemModel) -> Localizer:
         return Localizer(models or tuple(self.shapes.values()), self, self.capture, lambda: self.time)
 
+    def slide(self, openings: Mapping[str, float]) -> None:
+        """There are no drawers."""
+
     def expected(self, joints: FloatArray, fingers: FloatArray, cameras: Sequence[str]) -> dict[str, FloatArray]:
         return {name: self._seen(self.cameras[name], ())[0] for name in cameras}
 

@@ -24,6 +24,9 @@ class Surroundings:
         "right": Solid.box(np.array([0.255, 0.0, -0.05]), np.array([0.25, 0.5, 0.05])),
     }
 
+    def drawers(self, openings: Mapping[str, float]) -> tuple[Mapping[str, Solid], Mapping[str, float]]:
+        return {}, {}
+
     def finger_solids(self, joints: FloatArray, fingers: FloatArray) -> tuple[Solid, Solid]:
         half = np.array([0.01, 0.005, 0.02])
         return Solid.box(np.array([0.0, -0.035, 0.5]), half), Solid.box(np.array([0.0, 0.035, 0.5]), half)
