@@ -42,7 +42,10 @@ _LIFTS, _ASIDES = (0.14, 0.28), (0.18, 0.30)
 """m by which things are lifted that someone carries in view, and go round the middle of their way on the side away from
 the robot: one, and another at the same time."""
 
-_TRIES = 20
+_TRIES, _CLOSE = 20, -0.02
+"""How often a place is looked for, and m by which the circles around things overlap where they are put close together:
+whether they touch is looked at."""
+
 _SLIP_ANGLE = (0.2, 0.5)
 _SLIP_WAY = (0.002, 0.008)
 """How far, in rad about the axis from pad to pad and in m out of the hand, an item slips in the grip."""
@@ -128,8 +131,12 @@ def _shove(world: MujocoWorld, rng: np.random.Generator, arguments: Mapping[str,
     if item is None:
         return "nothing was shoved: the robot holds it"
     before, others = world.pose(item), {name: pose for name, pose in world.poses().items() if name != item}
+    spec, gap = world.spec_now(), None
     for _ in range(_TRIES):
-        found = placement.free_spot(world.spec_now(), world.shapes, item, others, rng, arguments.get("table"))
+        found = placement.free_spot(spec, world.shapes, item, others, rng, arguments.get("table"), gap=gap)
+        if found is None and gap is None:  # whoever moves things puts them closer together
+            gap = _CLOSE
+            continue
         if found is None:
             break
         table, pose = found

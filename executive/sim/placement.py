@@ -279,9 +279,11 @@ def free_spot(
     rng: np.random.Generator,
     table: str | None = None,
     barred: Collection[str] = (),
+    gap: float | None = None,
 ) -> tuple[str, FloatArray] | None:
-    """A random upright pose for one item that keeps its distance from all others: (table, pose), or None."""
-    shape = shapes[item]
+    """A random upright pose for one item that keeps its distance from all others, the scene's or another one: (table,
+    pose), or None."""
+    shape, gap = shapes[item], spec.placement.gap if gap is None else gap
     radius = circle(shape)
     choice = among(spec, table)
     for _ in range(200):
@@ -292,10 +294,7 @@ def free_spot(
             continue
         if not _within_reach(spec, top, spot) or not _apart_from_fixtures(spec, top, spot, radius):
             continue
-        apart = (
-            np.hypot(*(pose[:2] - spot)) >= radius + circle(shapes[other]) + spec.placement.gap
-            for other, pose in others.items()
-        )
+        apart = (np.hypot(*(pose[:2] - spot)) >= radius + circle(shapes[other]) + gap for other, pose in others.items())
         if all(apart):
             return top.name, upright(shape, spot, top, yaw)
     return None
