@@ -321,9 +321,34 @@ class Attempt:
         self._drive_gripper(1.0)
         if not self.holding:
             raise SkillError(SkillStatus.GRASP_MISSED, "the gripper closed on nothing")
+        self.note_grip()
+
+    def note_grip(self) -> None:
+        """What is between the fingers now is held: from here on it counts as dropped where they feel it no longer."""
         self._grip_width = self.body.gripper_width()
         if self.body.estimated_poses() is not None:
             self.held()  # whoever estimates poses learns that it is held while it still is where it was
+
+    def servo(self, goal: FloatArray, seconds: float, closed_from: float, closed_to: float) -> None:
+        """Moves straight to a configuration (6,) near by within some seconds, and the fingers from one share of their
+        way to another. For a motion that is decided upon while it goes on: nothing plans it or checks for collisions.
+
+        Raises:
+            SkillError: DROPPED, TIMED_OUT or CANCELLED, with the arm told to stand where it is.
+        """
+        start, period = self.body.joints(), self.handle.control_period
+        ticks = max(1, round(seconds / period))
+        # No faster than the limits, wherever the goal is.
+        slower = max(1.0, float((np.abs(goal - start) / (seconds * self.handle.limits.velocity)).max()))
+        for tick in range(1, ticks + 1):
+            at = start + tick / ticks / slower * (goal - start)
+            if failure := self._felt() or self._blocked(at):
+                self.body.command(self.body.joints(), np.zeros_like(start))
+                self.wait(_BRAKE_SECONDS)
+                raise failure
+            self.body.command(at, (goal - start) / slower / seconds)
+            self.body.command_gripper(closed_from + tick / ticks * (closed_to - closed_from))
+            self.body.advance()
 
     def close_fist(self) -> None:
         """Closes the gripper on nothing."""

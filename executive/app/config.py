@@ -223,6 +223,7 @@ class RunConfig:
         eye: the options of the estimator "vlm". The estimator "oracle" has one of them: `calibration`, where a fault
             makes it err.
         world: without it, the simulator, or the symbolic world where `domain` is a PDDL file.
+        policies: each ACTION=FILE, the action and the file of the policy that carries it out.
         no_effect: how often an action does nothing, without its skill noticing.
         exogenous: how often another agent does something after an action.
         flip: how often an answer is the opposite of what is so.
@@ -250,6 +251,10 @@ class RunConfig:
     ] = ()
     home_pose: Annotated[bool, HOME_POSE] = True
     grasp_noise: Annotated[float, Option("Standard deviation of the grasp, in m.", least=0, most=1)] = 0.0
+    policies: Annotated[
+        tuple[str, ...],
+        Option("Have a learned skill carry out an action: pick=FILE.safetensors; repeat it for more.", flag="--policy"),
+    ] = ()
     poses: Annotated[
         str, Option("Where skills take poses from: oracle (the simulator), or depth (estimated).", choices=POSES)
     ] = ORACLE_POSES
@@ -312,6 +317,12 @@ class RunConfig:
         for name in ("no_effect", "exogenous", "flip"):
             if getattr(self, name) and not is_symbolic:
                 raise OptionError(f"goes with `world` {SYMBOLIC_WORLD}", option=name)
+        for each in self.policies:
+            action, sign, file = each.partition("=")
+            if not (action and sign and file):
+                raise OptionError(f"{each!r} is not ACTION=FILE", option="policies")
+        if is_symbolic and self.policies:
+            raise OptionError("the symbolic world has no arm for a policy to move", option="policies")
         if is_symbolic and self.poses != ORACLE_POSES:
             raise OptionError("the symbolic world has no poses to estimate", option="poses")
         if self.marks and not (self.poses == DEPTH and self.estimator == "vlm"):

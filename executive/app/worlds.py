@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,12 +13,14 @@ import numpy as np
 from executive.app.config import DEPTH, MUJOCO, SYMBOLIC_WORLD, RunConfig
 from executive.core.attention import Attention
 from executive.domain.loader import Domain
+from executive.domain.skills import LEARNED
 from executive.domain.skills import skills as skills_by_name
 from executive.errors import DomainError, OptionError, nearest
 from executive.faults import Fault, parse_fault
 from executive.faults.catalogue import PHYSICAL, SYMBOLIC
 from executive.protocols import Estimator, Skill, SkillContext
 from executive.types import Atom, Facts, SkillResult, Step
+from executive.util.files import home
 
 if TYPE_CHECKING:
     from executive.belief.sensor_model import SensorModel
@@ -90,6 +93,7 @@ class _Simulated:
         self._domain, self._config = domain, config
         self._initial = checked_stage(domain)
         self.faults = parse_faults(domain, config.faults)
+        self._policies = load_policies(domain, config.policies)
         if config.eye is not None:
             from executive.sim.spec import read_scene
 
@@ -99,7 +103,7 @@ class _Simulated:
         from executive.sim.truth import Oracle
 
         domain, config = self._domain, self._config
-        skills, moves = load_skills(domain), load_moves(domain)
+        skills, moves = {**load_skills(domain), **self._policies}, load_moves(domain)
         world, truth = _simulator(domain, config, self.faults, first_observation, self._initial)
         too_large = _too_large(domain, world, truth)
         attention = load_attention(domain, world, () if config.eye is None else config.eye.cameras)
@@ -165,6 +169,23 @@ def load_skills(domain: Domain) -> Mapping[str, Skill]:
             own = [variable for variable, _ in domain.parsed.actions[action].parameters]
             words = [word.strip() for word in rest.removesuffix(")").split(",")]
             loaded[action] = SkillCall(loaded[action], [own.index(w) if w in own else w for w in words])
+    return loaded
+
+
+def load_policies(domain: Domain, said: Sequence[str]) -> Mapping[str, Skill]:
+    """Load the learned skills that are to carry out some actions, each said as ACTION=FILE.
+
+    Raises:
+        InputError: there is no such action, or the file is no policy.
+    """
+    loaded: dict[str, Skill] = {}
+    for each in said:
+        action, _, file = each.partition("=")
+        if action not in domain.skills:
+            raise OptionError(
+                f"{each!r}: there is no action {action!r}; {nearest(action, domain.skills)}", option="policies"
+            )
+        loaded[action] = LEARNED.load()(home(Path(file)))
     return loaded
 
 

@@ -69,22 +69,28 @@ def bt(
 
 @export.command()
 def lerobot(
-    runs: Annotated[
-        list[str], typer.Argument(help="Runs' folders, or their names in runs/.", autocompletion=completion.runs)
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            help="Runs' folders, or their names in runs/; or collections with demonstrations.",
+            autocompletion=completion.runs,
+        ),
     ],
     out: Annotated[Path, typer.Option(help="The folder to make.")],
     fps: Annotated[int, typer.Option(min=1, max=100, help="Rows a second of the world's clock.")] = 10,
     cameras: Annotated[str, typer.Option(help="Cameras, with commas between them; all if not given.")] = "",
     task: Annotated[
-        str | None, typer.Option(help="What the robot is to do, in words; each run's goal if not given.")
+        str | None, typer.Option(help="What the robot is to do, in words; each run's goal or action if not given.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write runs in the simulator as a data set of LeRobot (v3.0), with pictures drawn anew, an episode each."""
+    """Write runs in the simulator, or a collection's demonstrations, as a data set of LeRobot (v3.0), with pictures
+    drawn anew: an episode a run, or an action."""
     from executive.export import export_lerobot
+    from executive.export.lerobot import MANIFEST
     from executive.trace.terminal.console import waiting
 
-    folders = [run_folder(run) for run in runs]
+    folders = [Path(each) if os.path.exists(Path(each) / MANIFEST) else run_folder(each) for each in sources]
     named = [camera.strip() for camera in cameras.split(",") if camera.strip()]
     with waiting(sys.stderr, "drawing"):
         written = export_lerobot(folders, out, fps, named, task)

@@ -19,6 +19,9 @@ COME_ALONG = {
 }
 """Those of this package, and where they are: found whatever was registered when it was installed."""
 
+LEARNED = EntryPoint("policy", "executive.skills.policy:PolicySkill", GROUP)
+"""What makes a skill of a policy's file. No domain names it: which policy a run uses is an option of the run."""
+
 
 def skills() -> Mapping[str, EntryPoint]:
     """All skills by name, none of them loaded yet."""

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 
+from executive.app.redrawn import Redrawn
 from executive.errors import InputError
 from executive.trace.record.frames import FRAMES_FILE
 from executive.trace.record.recording import Recording
 from executive.trace.report.summary import SUMMARY_FILE
-from executive.types import Atom, Belief, Decision, Dispatched, FloatArray, Frame, Judged, SkillResult
+from executive.types import Atom, Belief, Decision, Dispatched, FloatArray, Image, Judged, SkillResult
 from executive.util.files import read_json
 
 
@@ -22,18 +25,68 @@ from executive.util.files import read_json
 class Row:
     """One moment of an episode: `time` in s of the world's clock. `state` and `action` are (dof + 1,): positions of the
     joints in rad and the gripper's opening in m; what the servos are told in rad, and how far the fingers shall close,
-    0 to 1. `probability` is that of each atom. `step` is what is carried out, `decision` and `reason` are the codes of
-    the last decision; each may be empty."""
+    0 to 1. `moment` is what its picture is drawn from, and `more` what else is known of it, by feature."""
 
     time: float
-    frame: Frame
+    moment: Any
     state: FloatArray
     action: FloatArray
-    probability: FloatArray
-    cycle: int
-    step: str
-    decision: str
-    reason: str
+    more: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """A feature that some episodes have: the type of its numbers, and their names where there are several."""
+
+    kind: str
+    names: tuple[str, ...] = ()
+
+
+class Drawn(Protocol):
+    """Draws pictures of an episode's moments."""
+
+    def show(self, moment: Any) -> Mapping[str, Image]:
+        """Return each camera's picture, (H, W, 3) uint8."""
+        ...
+
+
+class Source(Protocol):
+    """What can be an episode of a data set: a run, or a demonstrated action."""
+
+    @property
+    def fps(self) -> int: ...
+    @property
+    def name(self) -> str:
+        """Where it comes from, for messages."""
+        ...
+
+    @property
+    def task(self) -> str:
+        """What the robot was to do, in words."""
+        ...
+
+    @property
+    def success(self) -> bool: ...
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The names of the numbers in `Row.state` and `Row.action`."""
+        ...
+
+    @property
+    def features(self) -> Mapping[str, Feature]:
+        """What `Row.more` has."""
+        ...
+
+    def __len__(self) -> int: ...
+    def rows(self) -> Iterator[Row]: ...
+    def about(self) -> Mapping[str, str]: ...
+    def draw(self, cameras: Sequence[str]) -> AbstractContextManager[Drawn]:
+        """Open what draws its moments.
+
+        Raises:
+            InputError: there is no such camera, or it cannot be drawn.
+        """
+        ...
 
 
 @dataclass(slots=True)
@@ -65,6 +118,25 @@ class Episode:
                 "does not say how the arm moved and what it was told; run it again with this version, in the simulator"
             )
             raise InputError(why, file=self.recording.folder / FRAMES_FILE)
+
+    @property
+    def name(self) -> str:
+        return str(self.recording.folder)
+
+    @property
+    def task(self) -> str:
+        return str(self.recording.started.task.goal)
+
+    def draw(self, cameras: Sequence[str]) -> AbstractContextManager[Drawn]:
+        return Redrawn(self.recording, cameras)
+
+    @property
+    def features(self) -> Mapping[str, Feature]:
+        return {
+            "loop.atoms": Feature("float32", tuple(map(str, self.atoms))),
+            "loop.cycle": Feature("int64"),
+            **{f"loop.{name}": Feature("string") for name in ("step", "decision", "reason")},
+        }
 
     @property
     def atoms(self) -> tuple[Atom, ...]:
@@ -108,11 +180,13 @@ class Episode:
                 frame,
                 np.append(frame.joints, frame.gripper),
                 frame.command,
-                np.array([told.probability.get(atom, 0.5) for atom in self.atoms]),
-                told.cycle,
-                told.step,
-                told.decision,
-                told.reason,
+                {
+                    "loop.atoms": np.array([told.probability.get(atom, 0.5) for atom in self.atoms], np.float32),
+                    "loop.cycle": told.cycle,
+                    "loop.step": told.step,
+                    "loop.decision": told.decision,
+                    "loop.reason": told.reason,
+                },
             )
 
     @staticmethod

@@ -1,4 +1,5 @@
-"""Runs as a data set of LeRobot, in its format v3.0: a Parquet file of rows and a video a camera for each episode."""
+"""Runs or demonstrations as a data set of LeRobot, in its format v3.0: for each episode a Parquet file of rows and a
+video a camera."""
 
 from __future__ import annotations
 
@@ -12,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from executive.app.redrawn import Redrawn
 from executive.errors import InputError
-from executive.export.episodes import Episode, Row
+from executive.export.episodes import Episode, Row, Source
 from executive.trace.record.recording import Recording
 from executive.types import FloatArray, Image
 from executive.util.extras import needed
@@ -22,6 +22,8 @@ from executive.util.files import reason
 from executive.util.video_file import EXTRA, PIXELS, video_writer
 
 VERSION = "v3.0"
+MANIFEST = "dataset.json"
+"""What tells a collection's folder from a run's."""
 PICTURES = "observation.images."
 _DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
@@ -35,27 +37,30 @@ Tell = Callable[[int, int], None]
 
 
 def export_lerobot(
-    runs: Sequence[Path | str],
+    sources: Sequence[Path | str],
     out: Path | str,
     fps: int = 10,
     cameras: Sequence[str] = (),
     task: str | None = None,
     tell: Tell = lambda done, total: None,
 ) -> Path:
-    """Write runs of one domain as a data set of LeRobot, an episode each, whole or not at all; return its folder.
+    """Write runs of one domain, an episode each, or collections with demonstrations, an episode an action, as a data
+    set of LeRobot, whole or not at all; return its folder.
 
-    The features of a row are `observation.state` and `action` (joints and gripper), `observation.images.CAMERA`,
-    `loop.atoms` (the probability of each atom), `loop.cycle`, `loop.step`, `loop.decision`,
-    `loop.reason`, and `next.done` and `next.success`, which the last row of an episode has.
+    The features of a row are `observation.state` and `action` (joints and gripper), `observation.images.CAMERA`, and
+    `next.done` and `next.success`, which the last row of an episode has. Those of a run have `loop.atoms` (the
+    probability of each atom), `loop.cycle`, `loop.step`, `loop.decision` and `loop.reason`, too; those of a
+    demonstration `skill.action`, `skill.phase` and `skill.surprises`.
 
     Args:
         fps: rows a second of the world's clock.
         cameras: which ones; without any, all.
-        task: what the robot is to do, in words; without it, each run's goal.
+        task: what the robot is to do, in words; without it, each run's goal, or each action.
         tell: is told how many rows are done, and of how many.
 
     Raises:
-        InputError: a run does not have what it takes, they do not go together, or the folder is there already.
+        InputError: a run or a collection does not have what it takes, they do not go together, or the folder is there
+            already.
         MissingError: the extra `video` is not installed, or the machine lacks what the simulator needs.
     """
     needed("av", EXTRA, "to write videos")
@@ -66,13 +71,13 @@ def export_lerobot(
         raise InputError("there is no such folder", file=folder.absolute().parent)
     if not 1 <= fps <= 100:
         raise InputError(f"1 to 100 rows a second, not {fps}", key="--fps")
-    if not runs:
+    if not sources:
         raise InputError("there is no run to export")
-    episodes = [Episode(Recording(Path(run)), fps) for run in runs]
+    episodes = [episode for source in sources for episode in _episodes(Path(source), fps)]
     for other in episodes[1:]:
-        if (other.atoms, other.joint_names) != (episodes[0].atoms, episodes[0].joint_names):
-            why = f"has other atoms or joints than {episodes[0].recording.folder}; all of a data set have the same"
-            raise InputError(why, file=other.recording.folder)
+        if (other.features, other.joint_names) != (episodes[0].features, episodes[0].joint_names):
+            why = f"has other atoms or joints than {episodes[0].name}; all of a data set have the same"
+            raise InputError(why, file=other.name)
     draft = folder.with_name(f".{folder.name}.{os.getpid()}")
     try:
         _Writer(draft, episodes, cameras, task, tell).write()
@@ -84,12 +89,21 @@ def export_lerobot(
     return folder
 
 
+def _episodes(source: Path, fps: int) -> Sequence[Source]:
+    """The episodes of a run or of a collection."""
+    if not os.path.exists(source / MANIFEST):
+        return [Episode(Recording(source), fps)]
+    from executive.export.demonstrated import demonstrated_episodes
+
+    return demonstrated_episodes(source, fps)
+
+
 class _Writer:
     def __init__(
-        self, folder: Path, episodes: Sequence[Episode], cameras: Sequence[str], task: str | None, tell: Tell
+        self, folder: Path, episodes: Sequence[Source], cameras: Sequence[str], task: str | None, tell: Tell
     ) -> None:
         self._folder, self._episodes, self._cameras = folder, episodes, cameras
-        self._tasks = [task or str(episode.recording.started.task.goal) for episode in episodes]
+        self._tasks = [task or episode.task for episode in episodes]
         self._statistics: dict[str, list[FloatArray]] = {}
         self._shapes: dict[str, tuple[int, int]] = {}
         self._tell, self._done, self._total = tell, 0, sum(map(len, episodes))
@@ -106,13 +120,13 @@ class _Writer:
     def _episode(self, number: int, task: int) -> dict[str, Any]:
         """Write an episode's rows and videos, and return its line in the list of episodes."""
         episode, table = self._episodes[number], dict[str, list[Any]]()
-        with Redrawn(episode.recording, self._cameras) as drawn, ExitStack() as open_files:
+        with episode.draw(self._cameras) as drawn, ExitStack() as open_files:
             videos: dict[str, Callable[[Image], None]] = {}
             for at, row in enumerate(episode.rows()):
                 last = at == len(episode) - 1
                 for name, value in self._row(row, number, at, task, last, episode.success).items():
                     table.setdefault(name, []).append(value)
-                for camera, picture in drawn.show(row.frame).items():
+                for camera, picture in drawn.show(row.moment).items():
                     key = f"{PICTURES}{camera}"
                     if key not in videos:
                         file = self._folder / _VIDEO.format(video_key=key, chunk_index=0, file_index=number)
@@ -138,11 +152,7 @@ class _Writer:
         return {
             "observation.state": row.state.astype(np.float32),
             "action": row.action.astype(np.float32),
-            "loop.atoms": row.probability.astype(np.float32),
-            "loop.cycle": row.cycle,
-            "loop.step": row.step,
-            "loop.decision": row.decision,
-            "loop.reason": row.reason,
+            **row.more,
             "next.done": last,
             "next.success": last and success,
             "timestamp": np.float32(row.time),
@@ -209,9 +219,10 @@ class _Writer:
             "observation.state": _feature("float32", len(joints), joints),
             "action": _feature("float32", len(joints), joints),
             **{key: _video_feature(*shape, first.fps) for key, shape in self._shapes.items()},
-            "loop.atoms": _feature("float32", len(first.atoms), list(map(str, first.atoms))),
-            "loop.cycle": _feature("int64"),
-            **{f"loop.{name}": _feature("string") for name in ("step", "decision", "reason")},
+            **{
+                name: _feature(each.kind, len(each.names) or 1, [*each.names] or None)
+                for name, each in first.features.items()
+            },
             "next.done": _feature("bool"),
             "next.success": _feature("bool"),
             "timestamp": _feature("float32"),

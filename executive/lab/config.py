@@ -61,6 +61,9 @@ class CollectConfig:
     objects: Annotated[
         str | None, Option("Other objects in each episode: how many, such as 2-10 (where there is a problems.toml).")
     ] = None
+    demonstrations: Annotated[
+        bool, Option("How the arm moved in each action, too: what it sensed, and what it was told.")
+    ] = False
     jobs: Annotated[int | None, Option("How many at a time; as many as there are cores if not given.", least=1)] = None
     per_episode: int = MOST_POINTS
 

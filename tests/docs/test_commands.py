@@ -34,6 +34,8 @@ from tests.executive.s3e.videos import greys, write_video
 INSTEAD = {
     "runs/<id>": "runs/example",
     "--points 2000": "--points 2",
+    "--points 200": "--points 2",
+    "benchmarks/campaigns/learned-pick.toml": "small.toml",
     "--alpha 0.05": "--alpha 0.5",  # all that two looks can promise
     "train grocery": "train grocery --recipe smallest --jobs 1",
     "train workshop --from grocery": "train grocery --recipe smallest --jobs 1",

@@ -243,6 +243,8 @@ class _Reader:
     def _options(self) -> dict[str, Any]:
         """Return what all episodes have in common, with defaults."""
         chosen = read_values(RunConfig, self._said.run, self._path, "run", _RUN)
+        said = (each.partition("=") for each in chosen.get("policies", ()))
+        chosen["policies"] = tuple(f"{action}{sign}{self._beside(file)}" for action, sign, file in said)
         return {name: chosen.get(name, options(RunConfig)[name].default) for name in _RUN}
 
     def _made(self, model: type[C], values: Mapping[str, Any], key: str) -> C:

@@ -6,6 +6,7 @@ read by `executive.lab.campaign.config_file`.
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -129,8 +130,17 @@ class Campaign:
             "places": {str(place): place.files for place in self.places},
             "faults": {name: list(specs) for name, specs in self.faults.items()},
             "contenders": configurations,
-            "options": dict(self.options),
+            "options": {**self.options, "policies": [_policy(each) for each in self.options.get("policies", ())]}
+            if self.options.get("policies")
+            else {name: value for name, value in self.options.items() if name != "policies"},
         }
+
+
+def _policy(said: str) -> str:
+    """A policy with what is in its file in place of where that is."""
+    action, _, file = said.partition("=")
+    content = Path(file).read_bytes() if os.path.isfile(file) else b""
+    return f"{action}={hashlib.sha256(content).hexdigest()}"
 
 
 def _named(options: dict[str, Any]) -> dict[str, Any]:

@@ -40,6 +40,9 @@ DECIDING = ("executive", "daqp", "mink", "mujoco", "numpy", "ompl", "pillow", "r
 """Packages that the data may differ with, so that a collection is not continued with another version of one."""
 
 
+_ON_REQUEST = ("renderer", "masks", "objects", "demonstrations")
+
+
 class Task(NamedTuple):
     """An episode to play, and the number of points after which it is cut."""
 
@@ -284,9 +287,10 @@ class Player:
         domain, varying, masks = collector.domain, self._maker is not None, self._config.masks
         objects = _objects(domain) if varying or masks else None
         atoms = domain.task.atoms
-        return Played(
-            log, dataset.shard_bytes(self._digest, log, points, atoms, self._cameras, objects, masks, varying)
+        shard = dataset.shard_bytes(
+            self._digest, log, points, atoms, self._cameras, objects, masks, varying, self._config.demonstrations
         )
+        return Played(log, shard)
 
     def _collect(self, domain: Domain, start: InitialState | None = None) -> Collector:
         config = self._config
@@ -300,6 +304,7 @@ class Player:
             config.renderer,
             config.masks,
             start,
+            config.demonstrations,
         )
 
     def _with_others(self, episode: int) -> Collector:
@@ -342,7 +347,7 @@ def _described(config: CollectConfig, domain: Domain) -> dict[str, Any]:
         "jpeg_quality": dataset.JPEG_QUALITY,
         "versions": {name: version_of(name) for name in DECIDING},
         # Not where they are not asked for, so that collections from before are continued.
-        **{name: value for name in ("renderer", "masks", "objects") if (value := getattr(config, name))},
+        **{name: value for name in _ON_REQUEST if (value := getattr(config, name))},
     }
 
 

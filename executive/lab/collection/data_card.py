@@ -134,6 +134,16 @@ def _more_columns(what: Mapping[str, Any]) -> str:
         rows.append(("`mask_...`", "which of `objects` each pixel shows, from 1 on (PNG)"))
     if "masks" in what or "objects" in what:
         rows.append(("`objects`", "the items, each with the values of its attributes"))
+    if "demonstrations" in what:
+        rows.append(
+            (
+                "`demonstration`",
+                "how the arm moved, ten times a second: `joints` (rad) and `gripper` (m) as measured, the grip point's "
+                "pose `hand` by them, the `command` (rad, and how far the fingers shall close), the skill's `phase`, "
+                "and `qpos` to draw it from",
+            )
+        )
+        rows.append(("`located`", "where the skill was told that an item is, with the error of that, and its box"))
     kind = "a list, as each episode has atoms of its own" if "objects" in what else "a struct with one bool an atom"
     rows.append(("`atoms`", f"the truth of every atom: {kind}"))
     return "".join(f"| {name} | {meaning} |\n" for name, meaning in rows)

@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from executive.errors import InputError, nearest
+from executive.lab.collection import demonstrations as motions
+from executive.lab.collection.demonstrations import Demonstration
 from executive.trace.record.codec import decode
 from executive.trace.record.pictures import from_jpeg, to_jpeg
 from executive.types import Atom, Facts, FloatArray, Image, SkillStatus
@@ -55,7 +57,7 @@ class Point:
     positions of everything, from which the moment can be drawn anew; `images` camera -> (H, W, 3) uint8; `facts` the
     truth of every atom of the task; `masks` camera -> (H, W) uint8, which of the objects (from 1 on) each pixel shows;
     `surprises` those atoms whose truth is not what the action's effects, and nothing
-    else, would have made of the state before it.
+    else, would have made of the state before it; `motion` how the arm moved, as columns of `demonstrations`.
     """
 
     seed: int
@@ -69,6 +71,7 @@ class Point:
     facts: Facts
     surprises: tuple[Atom, ...] = ()
     masks: Mapping[str, Image] = field(default_factory=lambda: MappingProxyType({}))
+    motion: Mapping[str, Any] | None = None
 
 
 class Attempt(NamedTuple):
@@ -126,6 +129,7 @@ def shard_bytes(
     objects: Objects | None = None,
     masks: bool = False,
     varying: bool = False,
+    demonstrations: bool = False,
 ) -> bytes:
     """An episode's file. `collection` names what it belongs to.
 
@@ -133,6 +137,7 @@ def shard_bytes(
         objects: what is there, for a column of its own.
         masks: whether there are columns of masks.
         varying: whether other episodes have other atoms: they are a map then, not a struct.
+        demonstrations: whether there are columns with how the arm moved.
     """
     import pyarrow as pa
 
@@ -165,10 +170,11 @@ def shard_bytes(
             "joints": point.joints.tolist(),
             "qpos": point.qpos.tolist(),
             "time": point.time,
+            **(point.motion or {}),
         }
         for point in points
     ]
-    schema = _schema(atoms, cameras, objects is not None, masks, varying)
+    schema = _schema(atoms, cameras, objects is not None, masks, varying, demonstrations)
     return _bytes(collection, log, pa.Table.from_pylist(rows, schema=schema))
 
 
@@ -237,18 +243,18 @@ class Reader:
     """
 
     def __init__(self, folder: Path, cameras: Collection[str] | None = None) -> None:
-        self._folder, self._manifest = folder, read_manifest(folder)
-        known = list(self._manifest["cameras"])
+        self._folder, self.manifest = folder, read_manifest(folder)
+        known = list(self.manifest["cameras"])
         for camera in cameras or ():
             if camera not in known:
                 raise InputError(f"has no camera {camera!r}; {nearest(camera, known)}", file=folder)
-        if not self._manifest["finished"]:
-            raise InputError(f"is not finished; resume with: {self._manifest['command']}", file=folder)
+        if not self.manifest["finished"]:
+            raise InputError(f"is not finished; resume with: {self.manifest['command']}", file=folder)
         self._cameras = [camera for camera in known if cameras is None or camera in cameras]
         self._episode, self._rows = -1, list[dict[str, Any]]()
 
     def __iter__(self) -> Iterator[Point]:
-        for episode in range(self._manifest["statistics"]["episodes"]):
+        for episode in range(self.manifest["statistics"]["episodes"]):
             index = 0
             while (point := self.point(episode, index)) is not None:
                 yield point
@@ -257,7 +263,7 @@ class Reader:
     def point(self, episode: int, index: int) -> Point | None:
         """A point of an episode, counted from 0; None after the last one."""
         names = ["seed", "episode", "step", "action", "time", "joints", "qpos", "atoms", "surprises"]
-        again = f"collect it again with: {self._manifest['command']}"
+        again = f"collect it again with: {self.manifest['command']}"
         try:
             if episode != self._episode:
                 pictures = (f"{IMAGE}{camera}" for camera in self._cameras)
@@ -273,6 +279,20 @@ class Reader:
 def read(folder: Path, cameras: Collection[str] | None = None) -> Iterator[Point]:
     """All points of a finished collection; see `Reader`."""
     return iter(Reader(folder, cameras))
+
+
+def read_demonstrations(folder: Path) -> Iterator[Demonstration]:
+    """How the arm moved in each action of a finished collection, in order.
+
+    Raises:
+        InputError: it is not finished, damaged, or was collected without demonstrations.
+    """
+    manifest = Reader(folder, cameras=()).manifest
+    if not manifest["collection"].get("demonstrations"):
+        raise InputError("has no demonstrations; collect with --demonstrations into another folder", file=folder)
+    for episode in range(manifest["statistics"]["episodes"]):
+        for row in columns(folder, episode, "step", "action", "surprises", motions.COLUMN, motions.LOCATED):
+            yield motions.parsed(episode, row)
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -367,7 +387,9 @@ def _bytes(collection: str, log: Log, table: pa.Table) -> bytes:
     return buffer.getvalue()
 
 
-def _schema(atoms: Sequence[Atom], cameras: Sequence[str], objects: bool, masks: bool, varying: bool) -> pa.Schema:
+def _schema(
+    atoms: Sequence[Atom], cameras: Sequence[str], objects: bool, masks: bool, varying: bool, demonstrations: bool
+) -> pa.Schema:
     """The columns, and in the key `huggingface` what they mean to the package `datasets`."""
     import pyarrow as pa
 
@@ -388,6 +410,7 @@ def _schema(atoms: Sequence[Atom], cameras: Sequence[str], objects: bool, masks:
             ("joints", pa.list_(pa.float64())),
             ("qpos", pa.list_(pa.float64())),
             ("time", pa.float64()),
+            *(motions.schema() if demonstrations else []),
         ]
     )
     values = {"feature": _value("string"), "_type": "Sequence"}
@@ -405,6 +428,7 @@ def _schema(atoms: Sequence[Atom], cameras: Sequence[str], objects: bool, masks:
         "joints": {"feature": _value("float64"), "_type": "Sequence"},
         "qpos": {"feature": _value("float64"), "_type": "Sequence"},
         "time": _value("float64"),
+        **(motions.features() if demonstrations else {}),
     }
     return schema.with_metadata({b"huggingface": json.dumps({"info": {"features": features}}).encode()})
 

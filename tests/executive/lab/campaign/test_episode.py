@@ -30,6 +30,7 @@ CONFIGS: list[dict[str, Any]] = [
     {"max_cycles": 5, "max_looks": 6, "max_seconds": 7.5, "patience": 8.0},
     {"monitor": MonitorConfig(alpha=0.1, memory=False), "eye": EstimatorConfig(calibration=Path("a file"))},
     {"monitor": MonitorConfig(threshold=0.7)},
+    {"policies": ("pick=a folder/pick.safetensors",)},
     {"estimator": "vlm", "eye": EstimatorConfig("a folder", None, "none", None, False, True, Path("c.json"))},
     {
         "estimator": "vlm",

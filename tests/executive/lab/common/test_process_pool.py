@@ -203,6 +203,25 @@ def test_nothing_more_is_begun_once_it_is_stopped() -> None:
     assert len(pool.done) == 2
 
 
+@pytest.mark.slow
+def test_a_killed_worker_of_the_real_ray_is_replaced_and_nothing_is_lost(tmp_path: Path) -> None:
+    """Ray is installed with the extra: `pip install 'executive[ray]'`."""
+    pytest.importorskip("ray", reason="the extra executive[ray] is not installed")
+    wanted = ["a", f"once:{tmp_path / 'first'}", "b", "pid:1", f"once:{tmp_path / 'second'}", "c", "pid:2", "d"]
+    with RayPool(jobs.worker, 2) as pool:
+        came = values(pool, wanted, TRIES)
+        assert {job: it for job, it in came.items() if not job.startswith("pid")} == {
+            job: job.upper() for job in wanted if not job.startswith("pid")
+        }
+        (lost,) = done(pool, ["dies"], TRIES)
+        assert isinstance(lost.outcome, WorkerLostError)
+        assert pool.free == 2
+        # Whoever works now was made after one was killed: a killed worker has done more jobs than none.
+        (pid,) = (str(each.outcome).split() for each in done(pool, ["pid:3"]))
+        os.kill(int(pid[0]), signal.SIGKILL)  # from outside, while it waits for work
+        assert set(values(pool, ["e", "f", "g"], TRIES).values()) == {"E", "F", "G"}
+
+
 def test_an_actor_that_dies_or_hangs_costs_one_job(ray: FakeRay) -> None:
     def prepare() -> Player:
         return play_or_not

@@ -1,0 +1,1 @@
+"""A skill that is learned from demonstrations, and what the loop around it is worth."""
