@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from executive.types import (
     Plan,
     Questions,
     Scenery,
+    SearchOrder,
     SkillResult,
     Step,
     Watched,
@@ -45,6 +46,21 @@ class Planner(Protocol):
 
         Never raises for a task that has no plan, takes too long or crashes the planner: that is a `NoPlan`.
         """
+        ...
+
+
+Supposing: TypeAlias = Callable[[Facts], "tuple[Mapping[Atom, float], Facts]"]
+"""Returns what would be believed if these literals held, too: each atom's probability, and the state that is planned
+from. Without literals, what is believed."""
+
+
+@runtime_checkable
+class PlaceSearch(Protocol):
+    """Finds where to look first for what a goal needs and nobody can see."""
+
+    def order(self, supposing: Supposing, goal: Condition, hidden: frozenset[Atom]) -> SearchOrder:
+        """The places where one of the `hidden` atoms can be seen, from the one to look at first on; none, where there
+        is nothing to choose."""
         ...
 
 

@@ -11,7 +11,7 @@ from executive.core.observer import CameraObserver
 from executive.core.run_state import RunState
 from executive.core.session import Session
 from executive.core.settings import Settings
-from executive.protocols import Estimator, FaultSource, Planner, Preparing, Sink, Skill, Witness, World
+from executive.protocols import Estimator, FaultSource, PlaceSearch, Planner, Preparing, Sink, Skill, Witness, World
 from executive.types import Facts, Task
 
 
@@ -33,6 +33,7 @@ def make_executive(
     run_state: RunState | None = None,
     prepare: Iterable[Preparing] = (),
     witness: Witness | None = None,
+    search: PlaceSearch | None = None,
 ) -> Executive:
     """Put the closed loop together, ready to `run`.
 
@@ -50,6 +51,7 @@ def make_executive(
         run_state: how the run stands, where another process began it.
         prepare: what has to be made ready before the first look.
         witness: what tells of atoms at a look beside the estimator; the monitor knows how it errs.
+        search: finds where to look first for what cannot be seen; without it, that is where it most probably is.
 
     Raises:
         InputError: neither an estimator nor initial facts.
@@ -59,5 +61,5 @@ def make_executive(
     observer = CameraObserver(estimator, world, session, settings, attention, moves, witness) if estimator else None
     monitor = monitor or ThresholdMonitor(task.atoms)
     return Executive(
-        task, planner, monitor, skills, session, observer, settings, initial, domain, run, run_state, prepare
+        task, planner, monitor, skills, session, observer, settings, initial, domain, run, run_state, prepare, search
     )

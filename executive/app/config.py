@@ -33,6 +33,15 @@ WORLDS = MappingProxyType(
     {MUJOCO: "the simulator", SYMBOLIC_WORLD: "no simulator; actions have the effects that the PDDL gives them"}
 )
 
+EXPECTED, LIKELIEST = "expected", "likeliest"
+
+SEARCHES = MappingProxyType(
+    {
+        EXPECTED: "where the cost of looking in vain is least in expectation",
+        LIKELIEST: "where what is needed most probably is",
+    }
+)
+
 ORACLE_POSES, DEPTH = "oracle", "depth"
 
 RENDERERS = MappingProxyType(
@@ -283,6 +292,12 @@ class RunConfig:
     max_questions: Annotated[int | None, Option("Atoms that a look may ask about.", least=1)] = None
     guard: Annotated[bool, Option("Look at what is carried while it is carried.")] = True
     planner: Annotated[str, Option("fast-downward, or any planner that unified-planning has here.")] = "fast-downward"
+    search: Annotated[
+        str, Option("Where to look first for what cannot be seen: expected or likeliest.", choices=SEARCHES)
+    ] = EXPECTED
+    places: Annotated[
+        Path | None, Option("A file that says where things usually are (see: executive calibrate --places).")
+    ] = None
     runs: Annotated[Path, Option("Where the run's folder is made.")] = Path("runs")
     name: Annotated[str | None, Option("The name of the run's folder.")] = None
     viewer: Annotated[bool, Option("Write trace.rrd, too.", flag="--trace-viewer")] = True

@@ -27,8 +27,10 @@ from executive.belief import (
     WitnessModel,
 )
 from executive.belief.action_model import process_noise
+from executive.belief.place_priors import stated_priors
 from executive.domain.loader import Domain
-from executive.errors import DomainError, OptionError
+from executive.domain.places import read_places
+from executive.errors import DomainError, InputError, OptionError
 from executive.planning.invariants import broken, contradicted, survives_accidents
 from executive.planning.literal_pairs import LiteralPairs
 from executive.planning.mutex_groups import Mutexes, find_mutexes
@@ -51,6 +53,7 @@ def open_monitor(
     oracle: SensorModel | None = None,
     witnesses: Mapping[str, WitnessModel] = MappingProxyType({}),
     calibration: Path | None = None,
+    places: Path | None = None,
 ) -> Monitor:
     """Build a run's monitor, and find the task's mutex groups and, if there are few, its states for it.
 
@@ -60,9 +63,10 @@ def open_monitor(
         oracle: the oracle's sensor model, unless `calibration` has another one; without it, it is exact.
         witnesses: how those err that tell of atoms beside the estimator, by name.
         calibration: the file with the sensor model; by default, the estimator's, or the one in its model's folder.
+        places: a file that says where things usually are, and better than the domain where it speaks of them.
 
     Raises:
-        InputError: the file `calibration` is damaged, or has too few looks for the error rate.
+        InputError: a file is damaged, `calibration`, or has too few looks for the error rate.
         DomainError: the domain's outcomes have a mistake.
         MissingError: Fast Downward's translator is not installed.
     """
@@ -71,13 +75,35 @@ def open_monitor(
     # What is cheap to check comes first.
     counts = {} if domain.outcomes is None else sensor_fit.load_outcomes(domain.outcomes, domain.parsed.actions)
     sensor, thresholds = _sensor_model(config, domain, estimator, oracle or EXACT, calibration)
+    learned = {} if places is None else read_places(places, domain)
     found = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
     # Over listed states nothing says which of their atoms are hidden.
     space = None if domain.task.visible else list_states(domain.parsed, found)
     network = _network(domain, found, space)
     actions = ActionModel(counts, process_noise(len(domain.task.atoms))) if config.memory else None
     carried, visibility = domain.looking.carried, domain.task.visibility
-    return BayesMonitor(network, sensor, actions, thresholds, carried, space, witnesses, visibility)
+    prior = _prior(domain, network.groups, learned, places)
+    return BayesMonitor(network, sensor, actions, thresholds, carried, space, witnesses, visibility, prior)
+
+
+def _prior(
+    domain: Domain, groups: Sequence[Group], learned: Mapping[Atom, float], places: Path | None
+) -> Mapping[Atom, float]:
+    """Return how probable atoms are before the first look, of which something is stated. Of a group, either what was
+    learned counts or what the domain says.
+
+    Raises:
+        InputError: it cannot be so.
+    """
+    parsed = domain.parsed
+    told = {atom for group in groups if not learned.keys().isdisjoint(group.atoms) for atom in group.atoms}
+    usual = {atom: value for atom, value in domain.priors.items() if atom not in told} | dict(learned)
+    try:
+        return stated_priors(groups, usual, parsed.unknown, parsed.oneof)
+    except ValueError as error:
+        if places is not None:
+            raise InputError(str(error), file=places, key="priors") from None
+        raise DomainError(str(error), file=domain.files[0], key="priors") from None
 
 
 def _network(domain: Domain, found: Mutexes, space: StateSpace | None) -> MutexNetwork:

@@ -54,7 +54,7 @@ def plan_problem(domain: Domain, planner: Planner) -> Planned:
     taken to be somewhere."""
     began, task = time.perf_counter(), domain.task
     true = task.declared
-    if domain.leaves_open:
-        true = true | find_mutexes(domain.parsed).state
+    if domain.leaves_open or domain.parsed.unknown or domain.parsed.oneof:
+        true = true | find_mutexes(domain.parsed, leaves_open=domain.leaves_open).state
     answer = planner.plan(Facts.closed(true, task.atoms), task.goal)
     return Planned(answer, time.perf_counter() - began, frozenset(true - task.declared))

@@ -10,7 +10,16 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from executive.app.assembly import make_executive
-from executive.app.config import CONFIG, DEPTH, EstimatorConfig, RunConfig, check_folder, make_folder, read_config
+from executive.app.config import (
+    CONFIG,
+    DEPTH,
+    EXPECTED,
+    EstimatorConfig,
+    RunConfig,
+    check_folder,
+    make_folder,
+    read_config,
+)
 from executive.app.estimators import open_estimator, with_default_model
 from executive.app.identity import answered_by_tracks, asked_by_tags, trusting_tracks
 from executive.app.monitors import open_monitor
@@ -31,6 +40,7 @@ from executive.faults import (
     faulty_world,
 )
 from executive.planning.feasible import FeasiblePlanner
+from executive.planning.place_search import ExpectedCostSearch
 from executive.protocols import Planner, Preparing, Recalling, Sink, Warming, World
 from executive.relations.kinds import RelationKind, read_relation_kinds
 from executive.trace.record import monitor_file
@@ -107,7 +117,14 @@ class Run:
                 oracle = oracle_sensor_model(config)
                 calibration = None if config.eye is None else config.eye.calibration
                 self.monitor = open_monitor(
-                    config.monitor, self.domain, estimator_config, seconds, oracle, self._witness_models(), calibration
+                    config.monitor,
+                    self.domain,
+                    estimator_config,
+                    seconds,
+                    oracle,
+                    self._witness_models(),
+                    calibration,
+                    config.places,
                 )
             first_observation = 0 if self._past is None else self._past.observations
             self._stage = setting.open(first_observation)
@@ -257,6 +274,7 @@ class Run:
             run_state=run_state,
             prepare=limit_preparing(preparing, self._seconds_left),
             witness=self._depth if self._sees_depth() else None,
+            search=ExpectedCostSearch(self.domain.parsed) if config.search == EXPECTED else None,
         )
 
     def _sees_depth(self) -> bool:

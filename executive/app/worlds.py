@@ -120,6 +120,7 @@ class _Symbolic:
         self.faults = [_only_in(SYMBOLIC_WORLD, parse_fault(spec, domain.task.objects, (), (), ())) for spec in specs]
 
     def open(self, first_observation: int) -> Stage:
+        from executive.planning.initial_state import draw_initial
         from executive.symbolic import SymbolicSkill, SymbolicWorld
         from executive.symbolic.truth import SymbolicTruth
         from executive.symbolic.world import SymbolicEstimator
@@ -127,7 +128,12 @@ class _Symbolic:
         domain, config = self._domain, self._config
         world = SymbolicWorld(
             domain.task.atoms,
-            _initial_state(domain, config),
+            draw_initial(
+                domain.parsed,
+                np.random.default_rng([config.seed, _START]),
+                leaves_open=domain.leaves_open,
+                timeout=config.patience,
+            ),
             domain.draw_action,
             config.flip,
             config.seed,
@@ -139,23 +145,6 @@ class _Symbolic:
         skills = dict.fromkeys(domain.parsed.actions, SymbolicSkill())
         oracle = SymbolicEstimator(world, config.flip)
         return Stage(world, SymbolicTruth(world), oracle, skills, {}, Attention(), {})
-
-
-def _initial_state(domain: Domain, config: RunConfig) -> frozenset[Atom]:
-    """Return the atoms that are true at first. What a folder's problem leaves open is drawn by the run's seed: an atom
-    of each mutex group that has none, as long as that fills no other group twice."""
-    true = set(domain.task.declared)
-    if domain.leaves_open:
-        from executive.planning.mutex_groups import find_mutexes
-
-        rng = np.random.default_rng([config.seed, _START])
-        groups = find_mutexes(domain.parsed, timeout=config.patience).groups
-        for group in groups:
-            full = {atom for other in groups if true.intersection(other.atoms) for atom in other.atoms}
-            free = [atom for atom in group.atoms if atom not in full]
-            if free and true.isdisjoint(group.atoms):
-                true.add(free[int(rng.integers(len(free)))])
-    return frozenset(true)
 
 
 def load_skills(domain: Domain) -> Mapping[str, Skill]:

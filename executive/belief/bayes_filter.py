@@ -21,11 +21,14 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import ClassVar, NamedTuple
 
+import numpy as np
+
 from executive.belief.action_model import ActionModel, Chances, affected, skill_evidence, with_effects
 from executive.belief.constrained import ConstrainedNetwork
-from executive.belief.interface import Judgement, Thresholds
+from executive.belief.interface import Judgement, Supposition, Thresholds
 from executive.belief.last_known import LastKnown
 from executive.belief.mutex_inference import EMPTY_GROUP, Group, MutexNetwork
+from executive.belief.place_priors import informed
 from executive.belief.priors import Listed, Posterior, Prior, Weighted, infer, predict
 from executive.belief.priors import posterior as listed_posterior
 from executive.belief.sensor_model import LEAST_EVIDENCE, PastEvidence, SensorModel
@@ -119,6 +122,8 @@ class BayesMonitor:
         space: the states that the task's actions lead to, if they are listed.
         witnesses: how those err that tell of atoms beside the estimator, by name; others are not listened to.
         visibility: when atoms can be seen. What is said of one that is not believed to be visible is not used.
+        prior: how probable atoms are before the first look, of those of which something is stated
+            (`executive.belief.place_priors`).
     """
 
     kind: ClassVar[str] = "fused"
@@ -130,6 +135,8 @@ class BayesMonitor:
     space: StateSpace | None = None
     witnesses: Mapping[str, WitnessModel] = field(default_factory=lambda: MappingProxyType({}))
     visibility: Visibility = field(default_factory=Visibility)
+    prior: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
+    _start: tuple[Hypothesis, ...] = field(init=False, repr=False)
     _uniform: Mapping[Atom, float] = field(init=False, repr=False)
     _partners: Mapping[Atom, frozenset[Atom]] = field(init=False, repr=False)
     _clusters: Mapping[Atom, tuple[tuple[Group, ...], ...]] = field(init=False, repr=False)
@@ -148,18 +155,31 @@ class BayesMonitor:
         object.__setattr__(self, "_uniform", self.network.solve({}).marginal)
         if self.space is not None and self.space.atoms != self.network.atoms:
             raise ValueError("the listed states are about other atoms than the mutex groups")
+        object.__setattr__(self, "_start", self._before_any_look())
 
     def begin(self) -> BeliefState:
-        """Return a prior in which all states are equally probable, but groups are rarely empty (`EMPTY_GROUP`), and
-        states that are not listed rarely occur where some are (`ACCIDENT`)."""
+        """Return a prior in which all states are equally probable but for what is stated (`prior`); groups are rarely
+        empty (`EMPTY_GROUP`), and states that are not listed rarely occur where some are (`ACCIDENT`)."""
+        return BeliefState(self._start)
+
+    def _before_any_look(self) -> tuple[Hypothesis, ...]:
         weights = {}
         for atom, groups in self.network.groups_of.items():
             sizes = [len(group.atoms) for group in groups if not group.exact]
             weights[atom] = math.fsum(math.log((1.0 - EMPTY_GROUP) / (EMPTY_GROUP * size)) for size in sizes)
         allowed = Weighted.of(self.network, weights)
+        stated = {atom: value for atom, value in self.prior.items() if atom in weights}
+        if stated:
+            even = allowed.solve({}).marginal
+            allowed = self._weighted(informed(self.network.groups, even, stated))
         if self.space is None:
-            return BeliefState((Hypothesis(1.0, allowed),))
-        return BeliefState((Hypothesis(1.0 - ACCIDENT, Listed.uniform(self.space)), Hypothesis(ACCIDENT, allowed)))
+            return (Hypothesis(1.0, allowed),)
+        listed = Listed.uniform(self.space)
+        if stated:
+            even = self.space.solve({}).marginal
+            ratios = {atom: _log_odds(value) - _log_odds(even[atom]) for atom, value in stated.items()}
+            listed = Listed(self.space, np.log(np.maximum(listed_posterior([(1.0, listed)], ratios), 1e-300)))
+        return Hypothesis(1.0 - ACCIDENT, listed), Hypothesis(ACCIDENT, allowed)
 
     def acted(self, memory: BeliefState, step: Step | None, result: SkillResult | None = None) -> BeliefState:
         if self.actions is None:
@@ -244,6 +264,11 @@ class BayesMonitor:
 
     def state_with(self, memory: BeliefState, atom: Atom) -> Facts | None:
         return Facts.closed(self._posterior(memory, {atom: _CERTAIN}).best, self.network.atoms)
+
+    def supposing(self, memory: BeliefState, literals: Mapping[Atom, bool]) -> Supposition:
+        conditions = {atom: _CERTAIN if value else -_CERTAIN for atom, value in literals.items()}
+        posterior = self._posterior(memory, conditions)
+        return Supposition(posterior.marginal, Facts.closed(posterior.best, self.network.atoms))
 
     def _witnessed(self, memory: BeliefState, raw: Belief) -> Mapping[str, Mapping[Atom, tuple[float, ...]]]:
         """Return what witnesses told at this moment, with what they tell in one more look."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from executive.types import Atom, Belief, Contradiction, Facts, Overruled, Remembered, SkillResult, Step
 
@@ -92,6 +92,13 @@ class Judgement:
         return tuple(sorted(atoms, key=lambda atom: (abs(self.probability.get(atom, 0.5) - 0.5), atom)))
 
 
+class Supposition(NamedTuple):
+    """What would be believed if something more were known: each atom's probability, and the most probable state."""
+
+    probability: Mapping[Atom, float]
+    state: Facts
+
+
 class Monitor(Protocol):
     """Turns an estimator's raw answers into state estimates. Deterministic; it never looks by itself.
 
@@ -115,6 +122,11 @@ class Monitor(Protocol):
     def state_with(self, memory: Memory, atom: Atom) -> Facts | None:
         """Return the most probable state in which `atom` is true, given all that was seen so far; None if the monitor
         does not know which other atoms would change with it."""
+        ...
+
+    def supposing(self, memory: Memory, literals: Mapping[Atom, bool]) -> Supposition | None:
+        """Return what would be believed if these literals held, too, given all that was seen so far; None if the
+        monitor does not know what goes with them."""
         ...
 
     def looked(self, memory: Memory, raw: Belief, cycle: int) -> tuple[Memory, Judgement]:

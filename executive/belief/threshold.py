@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import ClassVar
 
-from executive.belief.interface import Judgement, Thresholds
+from executive.belief.interface import Judgement, Supposition, Thresholds
 from executive.belief.last_known import LastKnown
 from executive.types import Atom, Belief, Facts, SkillResult, Step
 
@@ -44,6 +44,9 @@ class ThresholdMonitor:
         return None
 
     def state_with(self, memory: Thresholded, atom: Atom) -> Facts | None:
+        return None
+
+    def supposing(self, memory: Thresholded, literals: Mapping[Atom, bool]) -> Supposition | None:
         return None
 
     def looked(self, memory: Thresholded, raw: Belief, cycle: int) -> tuple[Thresholded, Judgement]:

@@ -201,9 +201,15 @@ def calibrate(
         Path, typer.Option(help="The model's folder, where runs find the file; or a file, for run --calibration.")
     ],
     problem: ProblemName = None,
+    places: Annotated[
+        bool, typer.Option("--places", help="Learn from runs where things usually are, for run --places.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the fit as JSON.")] = False,
 ) -> None:
     """Learn from evaluations and runs how a model errs: for runs with it, and with --alpha."""
+    if places:
+        _learn_places(domain, evaluations, out, problem, as_json)
+        return
     from executive.lab.evaluation import calibrate as calibrating
 
     file, fitted = calibrating.calibrate(domain, evaluations, out, problem)
@@ -239,6 +245,20 @@ def train(
     look = shlex.join(["executive", "run", config.domain, "--vlm", str(model)])
     print(json.dumps({"model": str(model), "run": look}, indent=2) if as_json else f"{model}; run with it: {look}")
     return REACHED
+
+
+def _learn_places(domain: str, runs: list[Path], out: Path, problem: str | None, as_json: bool) -> None:
+    from executive.lab.evaluation.places import learn_places
+
+    check_writable(out.parent, "out")
+    learned = learn_places(domain, runs, out, problem)
+    if as_json:
+        priors = {str(atom): value for atom, value in sorted(learned.priors.items())}
+        print(json.dumps({"file": str(learned.file), "runs": learned.runs, "priors": priors}, indent=2))
+        return
+    for atom, value in sorted(learned.priors.items(), key=lambda each: (-each[1], each[0])):
+        print(f"{value:6.3f}  {atom}")
+    print(f"written to {learned.file}, from {learned.runs} run{'s' * (learned.runs != 1)}")
 
 
 def _warn(line: str) -> None:

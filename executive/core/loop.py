@@ -22,7 +22,7 @@ from executive.core.run_state import RunState
 from executive.core.session import Session
 from executive.core.settings import Settings
 from executive.errors import InputError
-from executive.protocols import Planner, Preparing, Skill
+from executive.protocols import PlaceSearch, Planner, Preparing, Skill
 from executive.types import (
     Atom,
     Belief,
@@ -64,6 +64,7 @@ class Executive:
         initial: what holds at first, for a blind executive; one that looks has to see it for itself.
         run_state: how the run stands, where another process began it.
         prepare: what has to be made ready before the first look.
+        search: finds where to look first for what cannot be seen; without it, that is where it most probably is.
         domain, run: names for the trace.
 
     Raises:
@@ -84,6 +85,7 @@ class Executive:
         run: str = "",
         run_state: RunState | None = None,
         prepare: Iterable[Preparing] = (),
+        search: PlaceSearch | None = None,
     ) -> None:
         self.is_blind = observer is None
         if observer is not None:
@@ -95,7 +97,8 @@ class Executive:
         known = initial if self.is_blind and initial else Facts()
         self.run_state = run_state or RunState(task, task.goal, known, monitor.begin())
         self._emit, self.cancel = session.emit, session.cancel
-        self.queries = PlannerQueries(planner, monitor, session, self.settings.max_goal_plans, self._in_time)
+        most = self.settings.max_goal_plans
+        self.queries = PlannerQueries(planner, monitor, session, most, self._in_time, search)
 
     @property
     def seconds(self) -> float:
@@ -161,6 +164,7 @@ class Executive:
     def _make_plan(self) -> Decision:
         """2 and 5. Plan from what is believed."""
         answers = Counter[str]()
+        self._look_first()
         while isinstance(plan := self.queries.plan(self.run_state, self.run_state.state), NoPlan):
             self._emit(plan)
             answers[plan.reason] += 1
@@ -178,6 +182,26 @@ class Executive:
             elif decision.kind is not DecisionKind.REPLAN:
                 return decision
         return self._take_up(plan, self.run_state.goal)
+
+    def _look_first(self) -> None:
+        """Where what the goal needs may be in several places out of view, decide where to look first."""
+        if (order := self.queries.where_first(self.run_state)) is not None:
+            self.run_state = self.run_state.searching(order)
+            if order.places:
+                self._decide(policy.look_first(order))
+
+    def _reconsider(self) -> Decision | None:
+        """Whether what the last step has shown calls for looking at another place next than the plan does."""
+        run_state = self.run_state
+        if not run_state.found_out or not run_state.todo:
+            return None
+        if (order := self.queries.where_first(run_state)) is None or not order.places:
+            return None
+        places = [place.condition for place in order.places]
+        if run_state.first_place(run_state.left, run_state.state, places) in (places[0], None):
+            return None
+        self.run_state = run_state.searching(order)
+        return self._decide(policy.look_elsewhere(order))
 
     def _turn(self) -> Decision:
         """3 and 4. One step: are its preconditions met, what is its outcome, and what follows?"""
@@ -242,6 +266,8 @@ class Executive:
         self.run_state = self.run_state.judged(turn, decision)
         if turn.verdict.violated:
             self._emit(Revised(self.run_state.known, self.run_state.known.only(turn.verdict.violated)))
+        if decision.kind is DecisionKind.CONTINUE:
+            return self._reconsider() or decision
         return decision
 
     def _assume(self, result: SkillResult) -> Decision:

@@ -7,7 +7,7 @@ Every answer that is not carried out is emitted as `Probed`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from executive.belief import Monitor
@@ -15,8 +15,20 @@ from executive.core.compare import progress
 from executive.core.policy import ClearingPlan, OptimisticPlan, largest_reachable
 from executive.core.run_state import RunState, StuckSteps
 from executive.core.session import Session
-from executive.protocols import Planner
-from executive.types import ALWAYS, Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Probed, Step, Verdict
+from executive.protocols import PlaceSearch, Planner
+from executive.types import (
+    ALWAYS,
+    Atom,
+    Condition,
+    Facts,
+    NoPlan,
+    NoPlanReason,
+    Plan,
+    Probed,
+    SearchOrder,
+    Step,
+    Verdict,
+)
 
 MOST_TO_SEE, TO_SEE_SECONDS = 8, 5.0
 """How many atoms it is asked for at a time how to see them, and how many seconds that may take for each."""
@@ -29,16 +41,59 @@ class PlannerQueries:
         monitor: knows which states are possible.
         most: how often the planner may be asked for parts of a goal, and how many less probable states are tried.
         in_time: returns how many wall seconds are left, and raises an error where there are none.
+        search: finds where to look first for what cannot be seen; without it, that is where it most probably is.
     """
 
     def __init__(
-        self, planner: Planner, monitor: Monitor, session: Session, most: int, in_time: Callable[[], float]
+        self,
+        planner: Planner,
+        monitor: Monitor,
+        session: Session,
+        most: int,
+        in_time: Callable[[], float],
+        search: PlaceSearch | None = None,
     ) -> None:
         self.planner, self._monitor, self._session, self._most = planner, monitor, session, most
+        self._search = search
         self._in_time, self._emit = in_time, session.emit
 
+    def where_first(self, run_state: RunState) -> SearchOrder | None:
+        """Where to look first for what the goal needs; None where nothing that it may need is out of view."""
+        monitor, memory, judgement, hidden = self._monitor, run_state.memory, run_state.judgement, run_state.hidden
+        if self._search is None or judgement is None or not hidden:
+            return None
+        if run_state.moment.search is not None:
+            return run_state.moment.search
+        if judgement.thresholded:
+            return None
+
+        def supposing(literals: Facts) -> tuple[Mapping[Atom, float], Facts]:
+            told = monitor.supposing(memory, literals) if literals else None
+            if told is None:
+                return judgement.probability, judgement.state
+            return told.probability, judgement.state | told.state.only(hidden)
+
+        with self._session.stage("plan"):
+            order = self._search.order(supposing, run_state.goal, hidden)
+        self._emit(order)
+        return order
+
     def plan(self, run_state: RunState, state: Facts) -> Plan | NoPlan:
-        """A plan for the goal without the steps that were given up on, or at least not in the same circumstances."""
+        """A plan for the goal without the steps that were given up on, or at least not in the same circumstances. It
+        looks first where that was found to be best."""
+        answer = self._whole(run_state, state)
+        order = run_state.moment.search
+        places = [] if order is None else [place.condition for place in order.places]
+        if isinstance(answer, NoPlan) or run_state.first_place(answer.steps, state, places) in (*places[:1], None):
+            return answer
+        self._emit(probed(run_state.goal, answer))
+        there = self._plan(run_state, places[0], state, StuckSteps.NEVER, TO_SEE_SECONDS)
+        self._emit(probed(places[0], there))
+        if isinstance(there, NoPlan) or (around := self._and_back(run_state, there)) is None:
+            return answer
+        return around
+
+    def _whole(self, run_state: RunState, state: Facts) -> Plan | NoPlan:
         goal = run_state.goal
         answer = self._plan(run_state, goal, state, StuckSteps.NEVER)
         if isinstance(answer, NoPlan) and answer.without:

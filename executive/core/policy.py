@@ -25,6 +25,7 @@ from executive.types import (
     OutcomeKind,
     Plan,
     Reason,
+    SearchOrder,
     SkillResult,
     SkillStatus,
     Step,
@@ -308,6 +309,16 @@ def look_for(atom: Atom) -> Decision:
     return Decision(DecisionKind.REPLAN, (Cause(Reason.TO_BE_SEEN, (atom,)),), (atom,))
 
 
+def look_first(order: SearchOrder) -> Decision:
+    """What the goal needs is not known to be anywhere: this is where to look first."""
+    return Decision(DecisionKind.CONTINUE, (_places(Reason.LOOK_FIRST, order),), _at(order))
+
+
+def look_elsewhere(order: SearchOrder) -> Decision:
+    """The plan goes on, and by what was seen since there is a better place to look first than the next of the plan."""
+    return Decision(DecisionKind.REPLAN, (_places(Reason.LOOK_ELSEWHERE, order),), _at(order))
+
+
 def finish_blind(goal: Condition) -> Decision:
     """Nothing is left to do for an executive that does not look: it believes what it assumed."""
     return _stop(OutcomeKind.PLAN_COMPLETED, Cause(Reason.GOAL_NOT_OBSERVED), evidence=_atoms(goal))
@@ -388,6 +399,20 @@ def _report(result: SkillResult, seen_done: bool = False) -> Cause:
         seconds=max(0.0, result.planned_seconds - result.seconds),
         detail=result.reason,
     )
+
+
+def _places(code: Reason, order: SearchOrder) -> Cause:
+    return Cause(
+        code,
+        literals=tuple(str(place.condition) for place in order.places),
+        probabilities=tuple(round(place.probability, 4) for place in order.places),
+        costs=tuple(round(place.expected, 4) for place in order.places),
+    )
+
+
+def _at(order: SearchOrder) -> tuple[Atom, ...]:
+    """What is sought: the atoms that are taken to be true."""
+    return tuple(sorted(order.assumed.true))
 
 
 def _atoms(condition: Condition) -> tuple[Atom, ...]:

@@ -5,7 +5,7 @@ The loop holds the latest of these and nothing else that changes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from types import MappingProxyType
@@ -32,6 +32,7 @@ from executive.types import (
     OutcomeKind,
     Plan,
     Resumed,
+    SearchOrder,
     SkillResult,
     Step,
     Task,
@@ -78,7 +79,7 @@ _MOST_BLOCKED = 4
 class Moment:
     """The time between two actions, in which the world stays as it is: what was expected and what was known before, how
     many looks there were, which atoms they asked about, and the number of the last observation. `assumed` is what the
-    plan takes to be so of what could not be seen before."""
+    plan takes to be so of what could not be seen before. `search` is where to look first, once that was asked."""
 
     expected: Facts = field(default_factory=Facts)
     before: Facts = field(default_factory=Facts)
@@ -86,6 +87,7 @@ class Moment:
     asked: frozenset[Atom] = frozenset()
     observation_id: int = -1
     assumed: Facts = field(default_factory=Facts)
+    search: SearchOrder | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +109,7 @@ class RunState:
         given_up_why: why parts of the goal were given up last.
         tried: the atoms for which a plan from a less probable state was carried out.
         since: how far another process had come, where one began the run.
+        supposed: what is planned with of what could not be seen, in place of what is most probable.
     """
 
     task: Task
@@ -129,6 +132,7 @@ class RunState:
     given_up_why: tuple[Cause, ...] = ()
     tried: tuple[Atom, ...] = ()
     since: Resumed | None = None
+    supposed: Facts = field(default_factory=Facts)
 
     @property
     def left(self) -> tuple[Step, ...]:
@@ -137,8 +141,11 @@ class RunState:
 
     @property
     def state(self) -> Facts:
-        """A complete state to plan from, as the monitor believes it; for one that does not look, as it is known."""
-        return self.judgement.state if self.judgement else Facts.closed(self.known.true, self.task.atoms)
+        """A complete state to plan from, as the monitor believes it; for one that does not look, as it is known. What
+        cannot be seen is as it is supposed to be."""
+        if self.judgement is None:
+            return Facts.closed(self.known.true, self.task.atoms)
+        return self.judgement.state | self.supposed if self.supposed else self.judgement.state
 
     @property
     def seen(self) -> Facts:
@@ -170,6 +177,11 @@ class RunState:
     def hidden(self) -> frozenset[Atom]:
         """The atoms that are not seen, and of which it is not known that they can be."""
         return self.task.visibility.hidden(self.known) - self.seen.keys()
+
+    @property
+    def found_out(self) -> tuple[Atom, ...]:
+        """The atoms that this moment's looks tell and that could not be seen before the last action."""
+        return tuple(atom for atom in self.moment.assumed if atom in self.seen)
 
     @property
     def given_up(self) -> Condition:
@@ -313,8 +325,11 @@ class RunState:
             looks=self.moment.looks + 1,
             asked=self.moment.asked | asked,
             observation_id=look.observation_id,
+            search=None,
         )
         told = judgement.seen.keys() | judgement.remembered.keys()
+        # One thing that is otherwise leaves nothing of the rest: what is sought is somewhere else.
+        refuted = any(judgement.seen.get(atom, value) is not value for atom, value in self.supposed.items())
         source = {**self.source, **dict.fromkeys(asked, (look.observation_id, look.cameras))}
         return replace(
             self,
@@ -324,6 +339,7 @@ class RunState:
             moment=moment,
             source=MappingProxyType(source),
             looks=self.looks + 1,
+            supposed=Facts() if refuted else self.supposed.without(judgement.seen),
         )
 
     def waiting(self, memory: Memory) -> RunState:
@@ -355,7 +371,21 @@ class RunState:
         if self.judgement is None:
             raise ValueError("nobody has looked yet")
         judgement = replace(self.judgement, state=state)
-        return replace(self, known=state, judgement=judgement, tried=(*self.tried, doubted))
+        return replace(self, known=state, judgement=judgement, tried=(*self.tried, doubted), supposed=Facts())
+
+    def searching(self, order: SearchOrder) -> RunState:
+        """Plan as if what is sought were at the place that is to be looked at first."""
+        return replace(self, moment=replace(self.moment, search=order), supposed=order.assumed)
+
+    def first_place(self, steps: Iterable[Step], state: Facts, places: Sequence[Condition]) -> Condition | None:
+        """Return which of the places is the first that can be seen when the steps are carried out from a complete
+        state; None where none can."""
+        for step in steps:
+            state = progress(state, step, self.task.derived)
+            for place in places:
+                if self.holds(place, state):
+                    return place
+        return None
 
     def looking_for(self, atom: Atom) -> RunState:
         """A plan is about to be carried out to see it."""
@@ -379,7 +409,7 @@ class RunState:
 
     def acted(self, result: SkillResult, memory: Memory) -> RunState:
         """The skill is done with it, however that went."""
-        return replace(self, report=result, memory=memory)
+        return replace(self, report=result, memory=memory, supposed=self.supposed.without(result.step.affects))
 
     def assumed(self) -> RunState:
         """Nobody looks: what was expected of the step becomes what is known."""

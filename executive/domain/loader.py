@@ -10,14 +10,14 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
 from executive.domain.manifest import MANIFEST, Looking, Manifest, Source, inside
-from executive.domain.pddl import Schema, read_task, read_vocabulary
+from executive.domain.pddl import Schema, ground_priors, read_task, read_vocabulary
 from executive.domain.pddl.random_action import draw_action
 from executive.errors import DomainError, nearest
 from executive.types import Atom, Step, Task
@@ -57,7 +57,8 @@ class Domain:
     are all the files that were read or located. A pair of PDDL files has neither skills nor relations nor a scene
     (`scene_file` is None), nor has a folder of the kind `symbolic`: only the symbolic world can play it. `leaves_open`
     is whether the problem's :init may leave open where things are, for the robot to see; that of a pair of PDDL files
-    says everything, what it does not name is false."""
+    says everything, what it does not name is false, but for what it calls unknown. `priors` is how probable atoms are
+    at first, of which something is stated."""
 
     name: str
     folder: Path
@@ -74,6 +75,7 @@ class Domain:
     looking: Looking
     files: tuple[Path, ...]
     leaves_open: bool = False
+    priors: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def scene(self) -> Path:
@@ -155,6 +157,8 @@ def load_domain(
     for name, said in skill_of.items():
         names = [variable for variable, _ in parsed.actions[name].parameters]
         skill_of[name] = source.call(("actions", name, "skill"), said, names)
+    # Those of the manifest's own problem, too: others may do with fewer.
+    objects = {*parsed.task.objects, *read_vocabulary(domain_file, default).objects}
     name = folder.resolve().name
     files = (source.path, domain_file, problem_file, scene, questions, instructions, outcomes)
     return Domain(
@@ -175,10 +179,10 @@ def load_domain(
             manifest,
             parsed.predicates,
             {name: [variable for variable, _ in action.parameters] for name, action in parsed.actions.items()},
-            # those of the manifest's own problem, too: others may do with fewer
-            {*parsed.task.objects, *read_vocabulary(domain_file, default).objects},
+            objects,
             skills,
         ),
+        priors=ground_priors(source.priors(manifest), parsed, objects),
         files=tuple(file for file in files if file is not None),
     )
 

@@ -17,7 +17,7 @@ from typing import Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from executive.domain.pddl import Fragment, Stated
+from executive.domain.pddl import Fragment, Stated, StatedPrior
 from executive.domain.skills import skills
 from executive.errors import DomainError, nearest, unregistered
 from executive.relations import kinds
@@ -28,7 +28,7 @@ MANIFEST = "domain.toml"
 
 _HEADER = re.compile(r"\s*\[+([^\[\]]+)\]")
 _CALL = re.compile(r"([^\s(]+)\s*\(([^()]*)\)")
-_ASSIGNMENT = re.compile(r"""\s*([\w\-."' ]+?)\s*=""")
+_ASSIGNMENT = re.compile(r"""\s*((?:"[^"]*"|'[^']*'|[\w\-. ])+?)\s*=""")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +81,7 @@ class Manifest(_Table):
     predicates: dict[str, _Predicate] = {}
     looking: _Looking = _Looking()
     invariants: dict[str, str] = {}
+    priors: dict[str, float] = {}
 
 
 def inside(folder: Path, path: Path) -> Path:
@@ -153,6 +154,13 @@ class Source:
         }
         kept = {name: fragment(text, "invariants", name) for name, text in manifest.invariants.items()}
         return Stated(MappingProxyType(visible), MappingProxyType(kept))
+
+    def priors(self, manifest: Manifest) -> Sequence[StatedPrior]:
+        """Where things usually are, as the manifest states it."""
+        return [
+            StatedPrior(Fragment(text, partial(self.fail, ("priors", text))), probability)
+            for text, probability in manifest.priors.items()
+        ]
 
     def words(self, manifest: Manifest) -> tuple[Path | None, Path | None]:
         """The files of questions and instructions, where the manifest names them."""

@@ -115,6 +115,11 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             "exogenous:p=0.1",
             {"item": "an object that the action is about"},
         ),
+        "relocate": _disturbance(
+            "someone moves what is out of view to another place out of view (in the symbolic world)",
+            "relocate:p=0.1",
+            {"item": "the one moved"},
+        ),
         "camera": Kind(
             "the pictures of one camera (`camera:NAME=...`) or of all are degraded",
             "in every look",
@@ -174,9 +179,9 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 """Every kind of fault, by the word that names it."""
 
 PHYSICAL = ("drop", "miss", "slip", "shove", "take", "swap", "tip", "topple", "push", "block", "jam", "roll")
-SYMBOLIC = ("no-effect", "exogenous")
+SYMBOLIC = ("no-effect", "exogenous", "relocate")
 """Those that disturb the simulated and the symbolic world (`Simulator.disturb`); the others come between the executive
 and one of its parts."""
 
-BY_SOMEONE = ("shove", "take", "swap", "tip", "topple", "push", "block", "roll", "exogenous")
+BY_SOMEONE = ("shove", "take", "swap", "tip", "topple", "push", "block", "roll", "exogenous", "relocate")
 """Disturbances: faults in which someone changes the robot's world."""

@@ -66,18 +66,20 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = T
     """
     translator_command()  # what is missing is an error, and not a translator that fails
     text, deadline = PddlText(schema), time.monotonic() + timeout
-    domain, declared = text.domain(FINISH), schema.task.declared
+    domain, declared = text.domain(FINISH), _declared(schema)
 
     def left() -> float:
         return deadline - time.monotonic()
 
     try:
-        state = declared
-        if leaves_open:
+        state, sets = declared, list[frozenset[Atom]]()
+        if leaves_open or schema.oneof or schema.unknown:
             said = run_translator(domain, text.problem(declared), left(), module=_INVARIANTS)
-            state = _Completion(schema, _instances(said, text), deadline).complete()
+            sets = _instances(said, text)
+        if leaves_open:
+            state = _Completion(schema, sets, deadline).complete()
         sas = run_translator(domain, text.problem(state), left(), _OPTIONS)
-        found = _with_numbers(_read(sas, text), schema, state)
+        found = _with_numbers(_extended(_read(sas, text), sets, schema, state), schema, state)
         groups = tuple(sorted(found, key=lambda group: group.atoms))
         return Mutexes(groups, state, sas.count("begin_operator") - 1)  # but for the one that finishes
     except TranslatorError as failure:
@@ -86,6 +88,30 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = T
         problem = f"Fast Downward's translator wrote what cannot be read ({error!r})"
     log.warning("%s; answers are not made consistent", problem)
     return Mutexes(tuple(_with_numbers((), schema, declared)), declared)
+
+
+def _extended(
+    groups: Iterable[Group], sets: Sequence[frozenset[Atom]], schema: Schema, state: frozenset[Atom]
+) -> Iterator[Group]:
+    """The groups, with atoms that no action makes true but that may be so at first, as :init leaves it open or they
+    cannot always be seen. A set of which no action makes two true from one grows by them."""
+    known = list(groups)
+    grouped = {atom for group in known for atom in group.atoms}
+    may_be = (schema.unknown.union(*schema.oneof) | schema.task.visible.keys()) - grouped
+    kept = [atoms for atoms in sets if not atoms.isdisjoint(may_be) and len(atoms & state) <= 1]
+    for group in known:
+        wider = [atoms for atoms in kept if atoms.issuperset(group.atoms)]
+        more = frozenset[Atom]().union(*(atoms & may_be for atoms in wider[:1]))
+        yield Group((*group.atoms, *sorted(more)), group.exact and not more)
+    for atoms in kept:
+        own = atoms & (may_be | grouped)
+        if not any(own & set(group.atoms) for group in known) and len(own) > 1:
+            yield Group(tuple(own))
+
+
+def _declared(schema: Schema) -> frozenset[Atom]:
+    """What :init says is so; of what it says that one of several is, the first: all lead to the same groups."""
+    return schema.task.declared.union(atoms[0] for atoms in schema.oneof)
 
 
 def _with_numbers(groups: Iterable[Group], schema: Schema, state: frozenset[Atom]) -> Iterator[Group]:
@@ -122,7 +148,7 @@ class _Completion:
 
     def __init__(self, schema: Schema, sets: Sequence[frozenset[Atom]], deadline: float) -> None:
         self._deadline = deadline
-        self._state = set(schema.task.declared)
+        self._state = set(_declared(schema))
         # What the declared state overfills is no invariant of this task.
         self._sets = [atoms for atoms in sets if len(atoms & self._state) <= 1]
         self._of: dict[Atom, list[frozenset[Atom]]] = {}

@@ -20,7 +20,7 @@ def list_states(schema: Schema, found: Mutexes) -> StateSpace | None:
     """The states that the task's actions lead to from its :init; None where they are too many, where :init leaves open
     what is true, and where the mutex groups say as much: then inference under these is as exact, and they hold after an
     accident, too."""
-    if found.state != frozenset(schema.task.declared) or most_actions(schema) > MOST_ACTIONS:
+    if schema.unknown or found.state != frozenset(schema.task.declared) or most_actions(schema) > MOST_ACTIONS:
         return None
     space = StateSpace.reachable(schema.task.atoms, tuple(steps(schema)), found.state, schema.task.derived)
     return space if space is not None and space.rules_out_more(found.groups) else None

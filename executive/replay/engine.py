@@ -26,7 +26,7 @@ from executive.core.policy import exhausted
 from executive.core.run_state import RunState
 from executive.core.session import Session
 from executive.errors import ExecutiveError
-from executive.protocols import SkillContext
+from executive.protocols import SkillContext, Supposing
 from executive.replay.record import Action, Decided, Part, Record, same_causes
 from executive.trace.phrases import look_cause
 from executive.types import (
@@ -41,6 +41,7 @@ from executive.types import (
     Probed,
     Resumed,
     Scenery,
+    SearchOrder,
     SkillResult,
     Step,
 )
@@ -77,6 +78,7 @@ def replay(record: Record, monitor: Monitor, before: Replay | None = None) -> Re
         settings=record.settings,
         initial=record.initial,
         run_state=None if record.since is None else _resumed(record, record.since, monitor),
+        search=reel,
     )
     try:
         executive.run()
@@ -119,6 +121,14 @@ class _Reel:
                 self._at, self.asked[number] = number + 1, (state, goal)
                 return part if not isinstance(part, Probed) else part.plan or part.no_plan or _never()
         self._end(f"it plans anew, for {_listed(goal.texts())}")
+
+    def order(self, supposing: Supposing, goal: Condition, hidden: frozenset[Atom]) -> SearchOrder:
+        """What was found then; a record from before there were searches has none."""
+        for number, part in self._here():
+            if isinstance(part, SearchOrder):
+                self._at = number + 1
+                return part
+        return SearchOrder()
 
     @property
     def is_over(self) -> bool:

@@ -27,6 +27,7 @@ from executive.types import (
     Probed,
     Reason,
     Resumed,
+    SearchOrder,
     SkillResult,
     Started,
     Timing,
@@ -47,8 +48,8 @@ class Decided(NamedTuple):
     decision: Decision
 
 
-Part: TypeAlias = Look | Action | Plan | NoPlan | Probed
-"""One input of the loop: a look, an action's outcome, or an answer of the planner."""
+Part: TypeAlias = Look | Action | Plan | NoPlan | Probed | SearchOrder
+"""One input of the loop: a look, an action's outcome, or an answer of the planner or of the search for places."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +106,10 @@ class Record:
                     parts.append(Look(last, looked))
                 case Plan() | NoPlan() | Probed() as answer if answered:
                     parts.append(answer)
-                case Dispatched() as order:
-                    parts.append(Action(order, None))
+                case SearchOrder() as order:
+                    parts.append(order)
+                case Dispatched() as dispatched:
+                    parts.append(Action(dispatched, None))
                 case SkillResult() as result if parts and isinstance(action := parts[-1], Action):
                     parts[-1] = action._replace(result=result)
                 case Decision() as decision:

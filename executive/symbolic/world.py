@@ -180,7 +180,22 @@ class SymbolicWorld:
                 return "another agent finds nothing to do"
             self._change(step)
             return f"another agent does {step}"
-        raise InputError(f"the symbolic world has no {kind!r}; {nearest(kind, ('no-effect', 'exogenous'))}")
+        if kind == "relocate":
+            moved = self._relocated(rng, tuple(arguments.values()))
+            return "nothing out of view can be moved" if moved is None else f"{moved[0]} becomes {moved[1]} out of view"
+        raise InputError(f"the symbolic world has no {kind!r}; {nearest(kind, ('no-effect', 'exogenous', 'relocate'))}")
+
+    def _relocated(self, rng: np.random.Generator, about: Sequence[str]) -> tuple[Atom, Atom] | None:
+        """Move something that is out of view: an atom ceases to be true, and one that differs in its last object and
+        cannot be seen either becomes so."""
+        hidden = sorted(atom for atom in self._index if self._visibility.truth(atom, self._state) is False)
+        true = [atom for atom in hidden if self._state[atom] and set(about) <= set(atom.args)]
+        pairs = [(atom, other) for atom in true for other in hidden if not self._state[other] and _moved(atom, other)]
+        if not pairs:
+            return None
+        before, after = pairs[int(rng.integers(len(pairs)))]
+        self._state.update({before: False, after: True})
+        return before, after
 
     def advance(self, seconds: float) -> None:
         """Let time pass, with all that is scheduled for it."""
@@ -211,6 +226,11 @@ class SymbolicWorld:
     def _change(self, step: Step) -> None:
         changes = step.changes(self._rules.complete(self._state))  # all told, as the state is complete
         self._state.update({atom: bool(value) for atom, value in changes.items()})
+
+
+def _moved(atom: Atom, other: Atom) -> bool:
+    """Whether two atoms differ in their last object alone: where a thing is."""
+    return (atom.predicate, atom.args[:-1]) == (other.predicate, other.args[:-1]) and len(atom.args) > 1
 
 
 class SymbolicSkill:

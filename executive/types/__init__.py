@@ -51,6 +51,7 @@ from executive.types.scenes import (
     Watched,
     about_vertical,
 )
+from executive.types.searching import PlaceToLook, SearchOrder
 from executive.types.tasks import Effect, Fluent, NoPlan, NoPlanReason, Plan, Probed, Step, Task
 from executive.types.visibility import Visibility
 
@@ -101,6 +102,7 @@ __all__ = [
     "Payload",
     "Phase",
     "PictureFault",
+    "PlaceToLook",
     "Plan",
     "PointCloud",
     "PosesEstimated",
@@ -111,6 +113,7 @@ __all__ = [
     "Resumed",
     "Revised",
     "Scenery",
+    "SearchOrder",
     "Sense",
     "SkillResult",
     "SkillStatus",

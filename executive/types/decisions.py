@@ -66,6 +66,8 @@ class Reason(StrEnum):
     FAILED_WITH_SAME_FACTS = "failed-with-same-facts"  # count
     FAILED_TOO_OFTEN = "failed-too-often"  # count
     # When planning.
+    LOOK_FIRST = "look-first"  # literals: the places, the first to be looked at; probabilities and costs of each
+    LOOK_ELSEWHERE = "look-elsewhere"  # the same, where the plan at hand looks at another place first
     PLAN_FOUND = "plan-found"  # count of steps
     UNSOLVABLE = "unsolvable"  # steps that had to be avoided, detail, count if it was asked more than once
     PLANNER_TIMED_OUT = "planner-timed-out"  # the same
@@ -105,8 +107,8 @@ class Cause:
     """One reason of a decision: its code, and the parameters that the code has.
 
     `atoms` are what it is about, `ages` how many cycles ago each was last seen (None: never), `literals` signed atoms
-    or parts of a goal as text, `steps` steps as text. `count`, of `total`, counts what the code says. `detail` is what
-    a part from outside said of itself.
+    or parts of a goal as text, `steps` steps as text. `count`, of `total`, counts what the code says. `probabilities`
+    and `costs` are of the literals, one by one. `detail` is what a part from outside said of itself.
     """
 
     code: Reason
@@ -120,6 +122,8 @@ class Cause:
     total: float = 0.0
     seconds: float = 0.0
     detail: str = ""
+    probabilities: tuple[float, ...] = ()
+    costs: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

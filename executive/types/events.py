@@ -11,6 +11,7 @@ from executive.types.decisions import Cause, Caused, Decision, OutcomeKind
 from executive.types.facts import Facts
 from executive.types.observations import Belief, Blinded, Guarded, Judged, Looked, Observation, Questions, Verdict
 from executive.types.scenes import Frame, PointCloud, PosesEstimated, Scenery
+from executive.types.searching import SearchOrder
 from executive.types.tasks import NoPlan, Plan, Probed, Task
 
 
@@ -113,6 +114,7 @@ Payload: TypeAlias = (
     | Plan
     | NoPlan
     | Probed
+    | SearchOrder
     | Dispatched
     | Phase
     | Motion

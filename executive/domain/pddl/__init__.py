@@ -24,6 +24,7 @@ from executive.domain.pddl.formulas import (
     negated,
 )
 from executive.domain.pddl.grounding import written_out
+from executive.domain.pddl.priors import StatedPrior, ground_priors
 from executive.domain.pddl.reader import MOST_ATOMS, Stated, read_task, read_vocabulary
 from executive.domain.pddl.schema import Action, Said, Schema
 from executive.domain.pddl.typing import OBJECT, Typing
@@ -45,8 +46,10 @@ __all__ = [
     "Said",
     "Schema",
     "Stated",
+    "StatedPrior",
     "Typing",
     "conjuncts",
+    "ground_priors",
     "literals",
     "negated",
     "read_task",

@@ -30,6 +30,10 @@ MOST_PARTS = 500_000
 """Conditions that an action, or the goal, may have once its quantifiers are written out."""
 
 
+OPEN = ("unknown", "oneof")
+"""What begins a form of :init about what is not known at first."""
+
+
 class Stated(NamedTuple):
     """Formulas that a manifest states, as text: when an atom of a predicate can be seen, over the predicate's own
     parameters, and what every state keeps, by its name."""
@@ -176,6 +180,8 @@ class _Reading:
         changed = {effect.literal.predicate for action in actions.values() for effect in action.effects}
         self._static = frozenset(words.predicates.keys() - changed - seen - self._derived)
         self._said: dict[Atom, Said] = {}
+        self._unknown: dict[Atom, int] = {}
+        self._oneof: list[tuple[tuple[Atom, ...], int]] = []
         self._values: dict[tuple[str, Row], float] = {}
         self._unreachable: Unreachable | None = None
 
@@ -191,6 +197,7 @@ class _Reading:
         grounding = Grounding(self._typing, static, self._static, (*atoms, *rules.rules))
         goal, formula, order = self._goal(grounding)
         init = {atom: said for atom, said in self._said.items() if atom in fluent}
+        self._check_open(fluent)
         known = self._static | self._derived
         task = Task(
             self._domain.name,
@@ -219,6 +226,8 @@ class _Reading:
             self._has_costs(),
             self._unreachable,
             self._invariants(grounding),
+            frozenset(self._unknown),
+            tuple(atoms for atoms, _ in self._oneof),
         )
 
     def _visible(self, grounding: Grounding, atoms: Sequence[Atom]) -> dict[Atom, Condition]:
@@ -261,6 +270,9 @@ class _Reading:
             if form.head == "=":
                 self._read_value(form)
                 continue
+            if form.head in OPEN and form.head not in words.predicates:
+                self._read_open(form)
+                continue
             negated = form.head == "not" and len(form.rest) == 1
             literal = words.literal(problem, form.rest[0] if negated else form, {}, ":init")
             if literal.predicate in self._derived:
@@ -268,6 +280,37 @@ class _Reading:
             atom = Atom(literal.predicate, literal.terms)
             if self._said.setdefault(atom, Said(not negated, form.line)).value is negated:
                 problem.fail(form.line, f":init says {atom} and its opposite, on line {self._said[atom].line}")
+
+    def _read_open(self, form: Form) -> None:
+        """What is not known at first: `(unknown <atom>)`, or `(oneof <atom> <atom> ...)`, of which one is so."""
+        words, problem = self._words, self._problem
+        least, most = (1, 1) if form.head == "unknown" else (2, MOST_ATOMS)
+        if not least <= len(form.rest) <= most:
+            wanted = "(unknown <atom>)" if form.head == "unknown" else "(oneof <atom> <atom> ...)"
+            problem.fail(form.line, f":init: {shorten(form)}: expected {wanted}")
+        literals = [words.literal(problem, each, {}, ":init") for each in form.rest]
+        atoms = tuple(Atom(each.predicate, each.terms) for each in literals)
+        for atom in atoms:
+            if atoms.count(atom) > 1 or any(atom in others for others, _ in self._oneof):
+                problem.fail(form.line, f":init: {shorten(form)}: {atom} stands in a (oneof ...) twice")
+        if form.head == "unknown":
+            self._unknown.setdefault(atoms[0], form.line)
+        else:
+            self._oneof.append((atoms, form.line))
+
+    def _check_open(self, fluent: frozenset[Atom]) -> None:
+        """What is called unknown can change and is seen, and :init does not say of it whether it is so."""
+        problem = self._problem
+        named = [(atom, line) for atom, line in self._unknown.items()]
+        named += [(atom, line) for atoms, line in self._oneof for atom in atoms]
+        for atom, line in named:
+            if atom in self._said:
+                told = f"says on line {self._said[atom].line} whether it is so"
+                problem.fail(line, f":init: {atom} is called unknown, and :init {told}")
+            if atom not in fluent:
+                derived = atom.predicate in self._derived
+                why = "is derived by axioms" if derived else "is static: no action changes it and nobody looks at it"
+                problem.fail(line, f":init: {atom} is called unknown, and {why}")
 
     def _read_value(self, form: Form) -> None:
         words, problem = self._words, self._problem

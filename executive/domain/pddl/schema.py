@@ -54,7 +54,8 @@ class Schema:
     `:init` says, `derived` those that axioms define, and `init` is all that `:init` says of fluent atoms. `values` are
     those of static functions, for costs. `has_costs`: the sum of costs is minimised, and not the number of steps.
     `unreachable` says of a goal that no state can reach why that is so. `invariants` are what the domain states that
-    every state keeps, by name.
+    every state keeps, by name. What is not known at first: each atom in `unknown` may be so or not, and of each of
+    `oneof` exactly one is so.
     """
 
     task: Task
@@ -70,6 +71,8 @@ class Schema:
     has_costs: bool = False
     unreachable: Unreachable | None = None
     invariants: Mapping[str, Condition] = field(default_factory=lambda: MappingProxyType({}))
+    unknown: frozenset[Atom] = frozenset()
+    oneof: tuple[tuple[Atom, ...], ...] = ()
 
     @cached_property
     def features(self) -> frozenset[str]:

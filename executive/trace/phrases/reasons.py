@@ -92,6 +92,16 @@ def _stage_failed(cause: Cause) -> str:
     return f"{cause.what}: {cause.detail}" if cause.what else cause.detail
 
 
+def _places(cause: Cause) -> str:
+    """The first place with what speaks for it, and the others beside it."""
+
+    def told(place: str, chance: float, cost: float) -> str:
+        return f"{place} (P {chance:.2f}, {cost:.2f} in vain)"
+
+    first, *rest = list(map(told, cause.literals, cause.probabilities, cause.costs)) or [_literals(cause)]
+    return f"{first}, before {listed(rest, _MOST)}" if rest else first
+
+
 REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.ALL_KNOWN: lambda _: "every atom is known",
     Reason.INITIAL_STATE_GIVEN: lambda _: "told what holds",
@@ -118,6 +128,8 @@ REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.RETRY: lambda cause: f"trying again ({cause.count} of {cause.total:g})",
     Reason.FAILED_WITH_SAME_FACTS: lambda cause: f"it came to this {_times(cause)} from the same known facts",
     Reason.FAILED_TOO_OFTEN: lambda cause: f"it came to this {_times(cause)} by now",
+    Reason.LOOK_FIRST: lambda cause: f"what the goal needs is out of view: first {_places(cause)}",
+    Reason.LOOK_ELSEWHERE: lambda cause: f"by what was seen now, it is better to look first at {_places(cause)}",
     Reason.PLAN_FOUND: lambda cause: f"{plural(cause.count, 'step')} to go",
     Reason.UNSOLVABLE: _no_plan("unsolvable"),
     Reason.PLANNER_TIMED_OUT: _no_plan("timed out"),

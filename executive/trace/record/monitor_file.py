@@ -89,6 +89,7 @@ class _Fused:
     visible: Mapping[Atom, Condition] = field(default_factory=dict)
     constraints: tuple[Condition, ...] = ()
     costly: tuple[Condition, ...] = ()
+    prior: Mapping[Atom, float] = field(default_factory=dict)
 
 
 def save(run: Path | str, monitor: Monitor) -> Path | None:
@@ -146,6 +147,8 @@ def _fused(monitor: BayesMonitor) -> _Fused:
     kept = _Fused(monitor.network.groups, eye, monitor.thresholds, unrest, counts, carried, witnesses=witnesses)
     if isinstance(monitor.network, ConstrainedNetwork):
         kept = replace(kept, constraints=monitor.network.constraints, costly=monitor.network.costly)
+    if monitor.prior:
+        kept = replace(kept, prior=dict(monitor.prior))
     if monitor.visibility:
         seen = monitor.visibility
         kept = replace(kept, visible=seen.conditions, rules=seen.rules.rules)
@@ -210,7 +213,8 @@ def _monitor(kept: _Fused, atoms: Sequence[Atom]) -> BayesMonitor:
     space = _listed(kept.states, atoms, kept.rules) if kept.states else None
     witnesses = {name: WitnessModel(_sensor(each.sensor), each.shared) for name, each in kept.witnesses.items()}
     visibility = Visibility(kept.visible, DerivedRules(kept.rules)) if kept.visible else Visibility()
-    return BayesMonitor(network, _sensor(kept.eye), actions, kept.thresholds, carried, space, witnesses, visibility)
+    sensor, prior = _sensor(kept.eye), kept.prior
+    return BayesMonitor(network, sensor, actions, kept.thresholds, carried, space, witnesses, visibility, prior)
 
 
 class _Kind(NamedTuple):

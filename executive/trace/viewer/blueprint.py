@@ -27,6 +27,7 @@ DEPTH = "depth"
 BELIEF, LOOK, STATUS, NOW, BELIEVED = "belief", "look", "status", "now", "believed"
 PROBABILITY, ANSWERS, THRESHOLDS = "probability", "answers", "thresholds"
 PHASE = "phase"
+PLACES = "places"
 
 _END, _LEGEND = 0.1, 0.95
 """How far the time axes go on after a run's end, as parts of it: for the last state of each lane to be seen, and for
@@ -38,6 +39,9 @@ GRAPH_WIDTH, GRAPH_HEIGHT = 1040.0, 204.0
 """What the plan's panel shows, in its own units; the plan is laid out within (see
 `executive.trace.viewer.plan_graph`)."""
 
+PLACES_WIDTH = 640.0
+"""What the panel of places shows across, in its own units."""
+
 WORDS, CURVES = 6, 4
 """How many atoms there is room for in a window of 1280x800 pixels: lanes, and names of curves."""
 
@@ -46,7 +50,8 @@ WORDS, CURVES = 6, 4
 class Shown:
     """What there is to lay out: cameras of the scene, those with pictures, the atoms to show as `words` and as `curves`
     (entities such as `on-table/lemon/wood-table`; None: whatever comes), the run's length in seconds of the world's
-    clock (None: it goes on), and whether nobody looks."""
+    clock (None: it goes on), whether nobody looks, and how high the bars are that say where things may be (0: there are
+    none)."""
 
     cameras: Sequence[Camera] = ()
     pictures: Sequence[str] = ()
@@ -54,6 +59,7 @@ class Shown:
     curves: Sequence[str] | None = None
     seconds: float | None = None
     is_blind: bool = False
+    places: float = 0.0
 
 
 def blueprint(shown: Shown) -> rrb.Blueprint:
@@ -103,6 +109,7 @@ def _mind(shown: Shown) -> rrb.Container:
     return rrb.Vertical(
         run,
         rrb.Tabs(
+            *([_places(shown.places)] if shown.places else []),
             rrb.TextDocumentView(origin=BELIEF, name="belief against expectation"),
             rrb.TextDocumentView(origin=LOOK, name="what the last look changed"),
         ),
@@ -117,6 +124,11 @@ def _mind(shown: Shown) -> rrb.Container:
         log,
         row_shares=[17, 28, 26, 29],
     )
+
+
+def _places(height: float) -> rrb.Spatial2DView:
+    bounds = rrb.VisualBounds2D(x_range=[0, PLACES_WIDTH], y_range=[0, height])
+    return rrb.Spatial2DView(origin=PLACES, name="where things may be", visual_bounds=bounds)
 
 
 def _time_axis(seconds: float | None, after: float) -> rrb.TimeAxis | None:

@@ -25,6 +25,7 @@ from executive.types import (
     Plan,
     PosesEstimated,
     Questions,
+    Reason,
     Resumed,
     SkillResult,
     SkillStatus,
@@ -84,6 +85,7 @@ def _first(some: Sequence[object]) -> str:
 def _is_told(decision: Decision) -> bool:
     """Return whether a decision is not what happens when all goes well, and not told by the end of the run."""
     routine = decision.kind is DecisionKind.CONTINUE and (decision.report is None or decision.report.done)
+    routine = routine and decision.code is not Reason.LOOK_FIRST
     return not routine and decision.kind is not DecisionKind.STOP
 
 

@@ -39,6 +39,7 @@ from executive.trace.viewer.blueprint import (
 from executive.trace.viewer.colours import COLOUR_OF, LANES, PURPLE, REACHED, TO_GO
 from executive.trace.viewer.log_panel import LOG_WIDTH, log_lines
 from executive.trace.viewer.parts import Lane, stamp
+from executive.trace.viewer.places import Places
 from executive.trace.viewer.plan_graph import Row, plan_graph, plan_rows
 from executive.trace.viewer.process import TRACE_FILE
 from executive.trace.viewer.scene import Scene
@@ -117,6 +118,7 @@ class RerunSink:
         self._rows: list[Row] = []
         self._scene = Scene(self._record, _FRAMES_LIVE if viewer else _FRAMES_AT_ONCE)
         self._beliefs = Beliefs(self._record, thresholds or {})
+        self._places = Places(self._record)
         self._action = Lane(self._record, [NOW, "action"])
         self._phase = Lane(self._record, [NOW, PHASE])
         self._taken_up = Lane(self._record, [NOW, "plan"])
@@ -137,6 +139,7 @@ class RerunSink:
         stamp(self._record, event)
         match payload:
             case Started():
+                self._places.begin(payload)
                 self._scene.begin(payload.task.objects)
                 self._record.send_recording_name(plain(payload.run))
             case Scenery():
@@ -147,7 +150,10 @@ class RerunSink:
                 self._scene.show_poses(payload)
             case PointCloud():
                 self._scene.show_cloud(payload)
-            case Looked() | Judged():
+            case Judged():
+                self._places.show(payload)
+                self._show_look()
+            case Looked():
                 self._show_look()
             case Plan():
                 self._taken_up.enter(f"plan {len(self._story.plans)}", LANES[len(self._story.plans) % len(LANES)])
@@ -205,7 +211,7 @@ class RerunSink:
         arranged = len(cameras), len(pictures), is_over
         if arranged != self._arranged:
             self._arranged = arranged
-            shown = Shown(cameras, pictures, is_blind=story.is_blind)
+            shown = Shown(cameras, pictures, is_blind=story.is_blind, places=self._places.height)
             if is_over:
                 goal = story.started.task.goal.atoms if story.started else ()
                 words, curves = self._beliefs.telling(goal, WORDS, CURVES)

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from executive.app.config import MonitorConfig
 from executive.app.run import Run, RunConfig
 from executive.domain import load_domain
 from executive.errors import DomainError
@@ -104,10 +105,20 @@ def house(folder: Path, init: str, goal: str) -> RunConfig:
 
 
 def test_what_may_be_why_a_step_fails_is_gone_to_see(tmp_path: Path) -> None:
-    """One can go to the thing, unless it is in a closed box: it is, which nobody could see."""
-    summary, seen, _ = play(house(tmp_path / "house", "(inside t a)", "(held t)"))
+    """One can go to the thing, unless it is in a closed box: it is, which nobody could see. Who takes for false what
+    nobody sees finds that the step fails."""
+    config = replace(house(tmp_path / "house", "(inside t a)", "(held t)"), monitor=MonitorConfig(threshold=0.5))
+    summary, seen, _ = play(config)
     assert (summary["outcome"], summary["goal_true"], summary["goal_seen"]) == (OutcomeKind.GOAL_REACHED, True, True)
     assert Reason.TO_BE_SEEN in causes(seen)
+
+
+@pytest.mark.parametrize("search", ["likeliest", "expected"])
+def test_what_a_step_hangs_on_is_looked_for_before_it_fails(tmp_path: Path, search: str) -> None:
+    summary, seen, _ = play(replace(house(tmp_path / "house", "(inside t a)", "(held t)"), search=search))
+    assert (summary["outcome"], summary["goal_true"], summary["goal_seen"]) == (OutcomeKind.GOAL_REACHED, True, True)
+    assert summary["actions"] <= 5
+    assert (Reason.LOOK_FIRST in causes(seen)) is (search == "expected")
 
 
 def test_what_cannot_be_seen_at_once_is_seen_in_turn(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ CONFIGS: list[dict[str, Any]] = [
     {"estimator": "vlm", "eye": EstimatorConfig(server="http://127.0.0.1:8000/v1", translator="llm", llm="small")},
     {"planner": "fast-downward-opt", "poses": "depth", "film": 2.0, "renderer": "mitsuba"},
     {"world": "symbolic", "no_effect": 0.2, "exogenous": 0.1, "flip": 0.05},
+    {"search": "likeliest", "places": Path("places.toml")},
 ]
 
 

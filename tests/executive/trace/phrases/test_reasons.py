@@ -28,6 +28,8 @@ FULL = Cause(
     total=11.0,
     seconds=2.5,
     detail="the hand is empty",
+    probabilities=(0.75, 0.25),
+    costs=(0.5, 1.5),
 )
 """A cause with every parameter."""
 
@@ -52,6 +54,8 @@ PARAMETERS: dict[Reason, str] = {
     Reason.RETRY: "count total",
     Reason.FAILED_WITH_SAME_FACTS: "count",
     Reason.FAILED_TOO_OFTEN: "count",
+    Reason.LOOK_FIRST: "literals probabilities costs",
+    Reason.LOOK_ELSEWHERE: "literals probabilities costs",
     Reason.PLAN_FOUND: "count",
     Reason.UNSOLVABLE: "steps detail count",
     Reason.PLANNER_TIMED_OUT: "steps detail count",

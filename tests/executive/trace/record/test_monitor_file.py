@@ -125,6 +125,7 @@ def test_a_monitor_of_ones_own_is_not_kept(tmp_path: Path) -> None:
             inner = ThresholdMonitor(ATOMS)
             self.begin, self.acted, self.looked = inner.begin, inner.acted, inner.looked
             self.state_without, self.state_with = inner.state_without, inner.state_with
+            self.supposing = inner.supposing
 
     assert monitor_file.save(tmp_path, Own()) is None
     assert monitor_file.described(Own()) == "Own"

@@ -1,0 +1,1 @@
+"""Where to look first for what cannot be seen: ways to decide it, on many worlds of atoms."""
