@@ -94,7 +94,7 @@ class ItemModel:
     def field(self) -> npt.NDArray[np.float32]:
         """The signed distance to the surface in m, negative inside, and its gradient: (X, Y, Z, 4), `CELL` apart, from
         `-(half + MARGIN)` on."""
-        low = -(self.half + MARGIN)
+        low = self.low
         size = self.field_shape()[:3]
         axes = [low[axis] + CELL * np.arange(size[axis]) for axis in range(3)]
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -113,9 +113,14 @@ class ItemModel:
         gradient /= np.maximum(length, 1e-6)
         return np.concatenate([distance[..., None], gradient], axis=-1).astype(np.float32)
 
+    @property
+    def low(self) -> FloatArray:
+        """The corner (3,) around `centre` in m where `field` begins."""
+        return -(self.half + MARGIN)
+
     def field_shape(self) -> tuple[int, ...]:
         """The shape of `field`."""
-        low = -(self.half + MARGIN)
+        low = self.low
         return (*(np.ceil(-2.0 * low / CELL).astype(int) + 1).tolist(), 4)
 
     def use_field(self, field: npt.NDArray[np.float32]) -> None:
@@ -132,7 +137,7 @@ class ItemModel:
     def distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The signed distances (...) in m of points (..., 3) around `centre` to the surface, and their gradients
         (..., 3). Beyond `MARGIN`, what is told is nearer than the truth."""
-        field, low = self.field, -(self.half + MARGIN)
+        field, low = self.field, self.low
         grid = (points - low) / CELL
         index = np.rint(grid)
         np.clip(index, 0, np.array(field.shape[:3]) - 1, out=index)

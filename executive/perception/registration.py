@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executive.perception.models import ItemModel
+from executive.perception.models import CELL, ItemModel
+from executive.perception.registration_kernels import mean_distances, normal_equations
 from executive.types import FloatArray
 
 _NEAR = 1e-3
@@ -73,15 +74,15 @@ def joined(parts: Sequence[Poses]) -> Poses:
 
 def refined(model: ItemModel, poses: Poses, points: FloatArray, steps: int) -> Poses:
     """The poses after some steps towards the points (N, 3)."""
-    rotations, translations = poses.rotations, poses.translations
+    rotations, translations, points = poses.rotations, poses.translations, np.ascontiguousarray(points)
+    low, normal, right = model.low, np.empty((len(rotations), 6, 6)), np.empty((len(rotations), 6))
     for step in range(steps):
         scale = _SCALES[min(len(_SCALES) - 1, step * len(_SCALES) // steps)]
-        rows, distance, weight = _linearised(model, rotations, translations, points, scale)
-        weighted = rows * weight[..., None]
-        weighted = weighted.transpose(0, 2, 1)
-        normal = weighted @ rows
+        normal_equations(
+            model.field, low, CELL, np.ascontiguousarray(rotations), translations, points, scale, normal, right
+        )
         normal += 1e-4 * len(points) * np.diag([1.0, 1.0, 1.0, _NEAR, _NEAR, _NEAR])
-        change = np.linalg.solve(normal, weighted @ distance[..., None])[..., 0]
+        change = np.linalg.solve(normal, right[..., None])[..., 0]
         change[:, :3] = np.clip(change[:, :3], -0.02, 0.02)
         change[:, 3:] = np.clip(change[:, 3:], -0.4, 0.4)
         translations = translations + np.einsum("sij,sj->si", rotations, change[:, :3])
@@ -91,8 +92,9 @@ def refined(model: ItemModel, poses: Poses, points: FloatArray, steps: int) -> P
 
 def misfit(model: ItemModel, rotations: FloatArray, translations: FloatArray, points: FloatArray) -> FloatArray:
     """The mean distance of points (N, 3) to the surface in each pose, cut off at `LARGEST`, (S,) in m."""
-    distance, _ = model.distances(local(rotations, translations, points))
-    return np.asarray(np.minimum(np.abs(distance), LARGEST).mean(axis=1))
+    means, rotations = np.empty(len(rotations)), np.ascontiguousarray(rotations)
+    mean_distances(model.field, model.low, CELL, rotations, translations, np.ascontiguousarray(points), LARGEST, means)
+    return means
 
 
 def local(rotations: FloatArray, translations: FloatArray, points: FloatArray) -> FloatArray:
