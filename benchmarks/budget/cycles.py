@@ -33,7 +33,11 @@ def cycles() -> Iterator[Figure]:
         row = _alone(round((atoms - VANS * CITIES) / (CITIES + VANS)))
         parts = ", ".join(f"{part} {row[part]:.3f}" for part in PARTS)
         note = f"{row['atoms']:,} atoms, {row['actions']:,} grounded actions; median cycle; CPU s: {parts}"
-        yield Figure(f"a cycle at {atoms:,} fluent atoms", former, target, row["cycle"], cpu=row["cpu"], note=note)
+        played = row["cycles"] > 1
+        if not played:
+            note = f"{row['atoms']:,} atoms: the run ended as {row['outcome']} after {row['cycles']} cycles"
+        yield Figure(f"a cycle at {atoms:,} fluent atoms", former, target, row["cycle"] if played else None,
+                     cpu=row["cpu"] if played else None, note=note)  # fmt: skip
     yield Figure("memory of that", "", 500.0, row["mebibytes"], "MiB", note="peak of the process, without the planner")
 
 
@@ -108,7 +112,7 @@ def _measure(parcels: int) -> dict[str, Any]:
         )  # fmt: skip
         with Run(config, [turns]) as run:
             opened = time.perf_counter() - began
-            run.execute()
+            done = run.execute()
             atoms, actions = len(run.domain.task.atoms), size(run.domain.parsed)
         written = sum(file.stat().st_size for file in (folder / "runs" / "run").rglob("*") if file.is_file())
     whole = [sum(turn.values()) for turn in turns.spent[1:]]
@@ -116,6 +120,8 @@ def _measure(parcels: int) -> dict[str, Any]:
     return {
         "parcels": parcels, "atoms": atoms, "actions": actions, "opened": opened, **parts,
         "cycle": statistics.median(turns.walls[1:]), "cpu": statistics.median(whole),
+        "cycles": done["cycles"],
+        "outcome": done["outcome"],
         "bytes": written / max(1, len(turns.spent)),
         "mebibytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }  # fmt: skip
