@@ -51,6 +51,7 @@ from executive.trace.record.thresholds import thresholds
 from executive.trace.report.summary import SUMMARY_FILE, Collector, Summary, write_summary
 from executive.types import Facts
 from executive.util import requirements
+from executive.util.profile import stage
 
 if TYPE_CHECKING:
     from executive.app.depth_witness import DepthWitness
@@ -96,10 +97,15 @@ class Run:
         self.config = config
         if folder is None:
             check_folder(config)
+        if config.viewer:
+            from executive.trace.viewer.preload import preload
+
+            preload()
         log = None if folder is None else EventLog(folder, self._stop_recording_failed)  # locks the folder
         self._past = None if folder is None else PastRun.of(folder)
-        self.domain = load_domain(config.domain, config.problem)
-        setting = make_setting(self.domain, config)
+        with stage("read the domain"):
+            self.domain = load_domain(config.domain, config.problem)
+            setting = make_setting(self.domain, config)
         if self._past is not None:
             self._past.check(self.domain.task)
         estimator_config = None
@@ -109,25 +115,28 @@ class Run:
         try:
             # Loading the model takes longest, and goes on in its own process while all else is set up.
             if estimator_config is not None and vlm is None:
-                vlm = open_estimator(estimator_config, self.domain.subject, self._in_own_process)
+                with stage("start the model's process"):
+                    vlm = open_estimator(estimator_config, self.domain.subject, self._in_own_process)
             planner = open_planner(self.domain, config.planner)
             planner.warm_up()  # in the background
             if config.estimator != "none":
                 seconds = min(30.0, config.patience, config.settings().max_seconds)
                 oracle = oracle_sensor_model(config)
                 calibration = None if config.eye is None else config.eye.calibration
-                self.monitor = open_monitor(
-                    config.monitor,
-                    self.domain,
-                    estimator_config,
-                    seconds,
-                    oracle,
-                    self._witness_models(),
-                    calibration,
-                    config.places,
-                )
+                with stage("find mutex groups"):
+                    self.monitor = open_monitor(
+                        config.monitor,
+                        self.domain,
+                        estimator_config,
+                        seconds,
+                        oracle,
+                        self._witness_models(),
+                        calibration,
+                        config.places,
+                    )
             first_observation = 0 if self._past is None else self._past.observations
-            self._stage = setting.open(first_observation)
+            with stage("build the world"):
+                self._stage = setting.open(first_observation)
         except BaseException:  # Ctrl-C too: the model's process ends with the run that it was opened for
             self._close_model()
             raise
@@ -136,9 +145,12 @@ class Run:
         self._collector = Collector()
         try:
             if self._own is not None:
-                self._warm_up()
-                self._own.ready()  # before the run's clock begins: loading is not a part of its time
-            self.executive = self._assemble(planner, setting.faults, vlm, sinks, view, log)
+                with stage("set up the arm and the trace"):
+                    self._warm_up()
+                with stage("wait for the model"):  # before the run's clock begins: loading is no part of its time
+                    self._own.ready()
+            with stage("set up the arm and the trace"):
+                self.executive = self._assemble(planner, setting.faults, vlm, sinks, view, log)
         except BaseException:  # Ctrl-C too: a run that never began leaves no folder
             self._close_model()
             if folder is None:
@@ -151,13 +163,14 @@ class Run:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for sink in self._sinks:
-            sink.close()
-        self._close_model()
-        if self._depth is not None:
-            self._depth.close()
-        self.world.close()
-        requirements.give_back_memory()
+        with stage("close"):
+            for sink in self._sinks:
+                sink.close()
+            self._close_model()
+            if self._depth is not None:
+                self._depth.close()
+            self.world.close()
+            requirements.give_back_memory()
 
     def _in_own_process(self, model: str) -> Backend:
         """Have a model loaded in a process of its own, while the rest of the run is set up."""
@@ -176,6 +189,7 @@ class Run:
         for part in parts:
             if isinstance(part, Warming):
                 part.warm_up(self.world.handle)
+        requirements.give_back_memory()
 
     def _close_model(self) -> None:
         if self._own is not None:
@@ -192,7 +206,8 @@ class Run:
     def execute(self) -> Summary:
         """Execute the task, score the result against ground truth, and write `summary.json`."""
         if self._past is None or not self._past.is_over:  # otherwise it was killed between its end and its summary
-            self.executive.run()
+            with stage("believe and decide"):
+                self.executive.run()
         goal = self.domain.task.goal
         true = self.domain.task.derived.complete(self.truth.of(self.domain.task.atoms))
         goal_true = goal.truth(true) is True

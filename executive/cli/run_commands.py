@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 Json = Annotated[bool, typer.Option("--json", help="Print the summary on stdout, all else on stderr.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors, and --json.")]
+Profile = Annotated[bool, typer.Option("--profile", help="End with where the time went, by stage and by import.")]
 View = Annotated[bool, typer.Option("--view", help="Watch it in the Rerun viewer while it goes on.")]
 
 
@@ -41,10 +42,15 @@ def run(
     as_json: Json = False,
     quiet: Quiet = False,
     view: View = False,
+    profile: Profile = False,
 ) -> int:
     """Reach a problem's goal in the simulator or the symbolic world, and record everything that happens."""
-    from executive.faults import read_faults
+    from executive.util import profile as profiling
     from executive.util import requirements
+
+    if profile:
+        profiling.start()
+    from executive.faults import read_faults
 
     if view and not config.viewer:
         raise InputError("needs the viewer's trace, which --no-trace-viewer turns off", key="--view")
@@ -62,7 +68,7 @@ def run(
     with nullcontext() if quiet else waiting(stream, "loading planner and world"):
         window = open_window() if view else None
         prepared = assemble.Run(config, [] if quiet else [TerminalSink(stream)], view=window)
-    return _carried_out(prepared, quiet, as_json)
+    return _carried_out(prepared, quiet, as_json, profile)
 
 
 def resume(
@@ -89,11 +95,13 @@ def resume(
     return _carried_out(prepared, quiet, as_json)
 
 
-def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
-    """Execute a run, print its result, and return the exit code."""
+def _carried_out(prepared: Run, quiet: bool, as_json: bool, profiled: bool = False) -> int:
+    """Execute a run, print its result and, if it was `profiled`, where its time went; return the exit code."""
     from executive.faults import parse_fault
+    from executive.trace.report.profile import print_profile
     from executive.trace.report.summary import print_summary
     from executive.types import OutcomeKind
+    from executive.util import profile as profiling
 
     stream = sys.stderr if as_json else sys.stdout
     with prepared, ctrl_c(prepared.cancel) as interrupted:
@@ -104,11 +112,15 @@ def _carried_out(prepared: Run, quiet: bool, as_json: bool) -> int:
             print(f"warning: the fault {spec} never struck in {summary['actions']} actions", file=sys.stderr)
     if summary["outcome"] == OutcomeKind.INTERRUPTED and not quiet:
         print(f"continue with: executive resume {shlex.quote(str(prepared.folder))}", file=sys.stderr)
+    spent = profiling.read() if profiled else None
     try:
         if not quiet:
             print_summary(summary, prepared.folder, stream)
+        if spent is not None and not quiet:
+            print_profile(spent, stream)
         if as_json:
-            print(json.dumps(summary, indent=2), flush=True)
+            more = {} if spent is None else {"profile": spent.to_dict()}
+            print(json.dumps({**summary, **more}, indent=2), flush=True)
         stream.flush()
     except OSError as error:  # how the run ended does not hang on whether that can be printed
         unprinted = f"the result could not be printed ({reason(error)}), and is in {prepared.folder}"

@@ -36,6 +36,7 @@ from executive.types import (
     Step,
     Timing,
 )
+from executive.util import profile
 
 log = logging.getLogger(__name__)
 
@@ -120,7 +121,8 @@ class Session:
                 self.emit(Phase(COMPILE, what))
 
             self._stage, start = COMPILE, self._clock()
-            part.prepare(tell)
+            with profile.stage(COMPILE):
+                part.prepare(tell)
             if told:
                 self.emit(Timing(COMPILE, self._clock() - start))
 
@@ -142,7 +144,8 @@ class Session:
         self._stage = name
         start, delivering = self._clock(), self._delivering
         try:
-            yield
+            with profile.stage(name):
+                yield
             self._stage = "decide"
         finally:
             self.emit(Timing(name, self._clock() - start - (self._delivering - delivering)))
@@ -240,7 +243,8 @@ class Session:
         self._guarded(self._world, self._world.watch, None)
         self._deliver(last)
         for sink in self._sinks:
-            self._guarded(sink, sink.close)
+            with profile.stage(f"record ({type(sink).__name__})"):
+                self._guarded(sink, sink.close)
         if error is not None:
             raise error
         return last
@@ -249,8 +253,9 @@ class Session:
         start = self._clock()
         event = Event(self.cycle, self._time, self._before + start, payload)
         for sink in tuple(self._listening):
-            if not self._guarded(sink, sink.write, event):
-                self._listening.remove(sink)
+            with profile.stage(f"record ({type(sink).__name__})"):
+                if not self._guarded(sink, sink.write, event):
+                    self._listening.remove(sink)
         self._delivering += self._clock() - start
 
     def _guarded(self, part: object, call: Callable[..., None], *arguments: object) -> bool:

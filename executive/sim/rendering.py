@@ -10,7 +10,7 @@ import atexit
 import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
-from functools import cache
+from functools import cache, partial
 from queue import SimpleQueue
 from threading import Thread, current_thread
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -69,6 +69,7 @@ class Drawing:
         self._model, self._spec, self._seed = model, spec, seed
         self._photoreal: PhotorealDrawing | None = None
         self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
+        self._warming: Future[None] | None = None
 
     def picture(self, data: mujoco.MjData, camera: CameraSpec) -> Image:
         """What a camera sees of `data`, (H, W, 3) uint8."""
@@ -132,8 +133,25 @@ class Drawing:
         """Make the renderers for the cameras now, not at the first picture."""
         _there(lambda: [self._of_size(camera.height, camera.width) for camera in cameras])
 
+    def warm_up(self, cameras: Sequence[CameraSpec]) -> None:
+        """Have the renderers made and a first picture drawn, for which shaders are compiled, and wait for nothing. What
+        fails is raised by the next picture."""
+        if cameras:
+            _unclosed().add(self)
+            self._warming = Future()
+            _jobs().put((self._warming, partial(self._warm, weakref.ref(self), cameras)))
+
+    @staticmethod
+    def _warm(this: weakref.ref[Drawing], cameras: Sequence[CameraSpec]) -> None:
+        if (drawing := this()) is not None:
+            drawing.ready(cameras)
+            # Data of its own: the world's may be computed with meanwhile.
+            drawing.picture(mujoco.MjData(drawing._model), cameras[0])
+
     def close(self) -> None:
         """Free all of them."""
+        if self._warming is not None:
+            wait([self._warming])
         self._photoreal = None
         while self._renderers:
             _there(self._renderers.popitem()[1].close)

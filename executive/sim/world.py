@@ -23,6 +23,7 @@ from executive.sim.robot_api import ArmLimits, Handle, PoseSource
 from executive.sim.spec import SceneSpec, read_scene
 from executive.types import DepthImage, FloatArray, Frame, Image, Observation, PosesEstimated, Scenery, Watched
 from executive.util.arrays import parse_arrays
+from executive.util.requirements import give_back_memory
 from executive.util.timeout import exclusive
 
 CONTROL_PERIOD = 0.008
@@ -230,11 +231,8 @@ class MujocoWorld:
             tell(f"the scene for {drawing.cost}")
 
     def warm_up(self, handle: object) -> None:
-        """Make the renderers, and draw a first picture: shaders are compiled for that."""
-        drawn = [camera for camera in self.spec.cameras if camera.renderer != "mitsuba"]
-        self.drawing.ready(drawn)
-        if drawn:
-            self.drawing.picture(self.data, drawn[0])
+        """Have the renderers made, in the thread that draws."""
+        self.drawing.warm_up([camera for camera in self.spec.cameras if camera.renderer != "mitsuba"])
 
     def snapshot(self) -> bytes:
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
@@ -576,3 +574,5 @@ def compiled(spec: SceneSpec, file: Path) -> mujoco.MjModel:
         return scene.build(spec).compile()
     except ValueError as error:
         raise DomainError(f"MuJoCo refuses this scene: {error}", file=file) from error
+    finally:
+        give_back_memory()  # what the compiler takes is as much again as all that the process had
