@@ -4,7 +4,7 @@ distance field, and added to its pose's normal equations, with nothing stored in
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
@@ -18,11 +18,12 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 def _compiled(function: _Function) -> _Function:
     """Compile a function at its first call, and keep that for other processes where there is a folder for it."""
+    made: Any
     try:
-        made: _Function = numba.njit(cache=True, error_model="numpy")(function)
+        made = numba.njit(cache=True, error_model="numpy")(function)
     except RuntimeError:
         made = numba.njit(error_model="numpy")(function)
-    return made
+    return cast("_Function", made)
 
 
 @_compiled
@@ -114,7 +115,8 @@ def _looked_up(
         index[axis] = int(nearest)
         beside[axis] = min(max(place - nearest, -1.0), 1.0)
     near = field[index[0], index[1], index[2]]
-    return near[0] + cell * (beside[0] * near[1] + beside[1] * near[2] + beside[2] * near[3])
+    distance: float = near[0] + cell * (beside[0] * near[1] + beside[1] * near[2] + beside[2] * near[3])
+    return distance
 
 
 def ready() -> None:

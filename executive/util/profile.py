@@ -116,7 +116,7 @@ def stage(name: str) -> Iterator[None]:
 
 def _watch_imports() -> None:
     """Count the import of each module as a stage of its package. Other threads import while something else goes on."""
-    bootstrap: Any = importlib._bootstrap  # type: ignore[attr-defined]
+    bootstrap: Any = importlib._bootstrap
     load, main = bootstrap._load_unlocked, threading.main_thread()
     if getattr(load, "is_watched", False):
         return
