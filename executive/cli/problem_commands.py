@@ -18,14 +18,17 @@ def problems(
     count: Annotated[int, typer.Option(min=1, help="How many problems.")] = 10,
     seed: Annotated[int, typer.Option(min=0, help="Fixes all of them.")] = 0,
     subset: Annotated[str | None, typer.Option(help="Only objects of one of the subsets in problems.toml.")] = None,
+    combinations: Annotated[
+        str, typer.Option(help="all, seen (none that is held out of training), or held-out (at least one).")
+    ] = "all",
     out: Annotated[Path, typer.Option(help="The folder for their PDDL.")] = Path("problems"),
     as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
 ) -> int:
     """Make random problems of a domain that has a problems.toml, such as blocksworld."""
-    from executive.lab.config import read_range
+    from executive.lab.config import read_combinations, read_range
     from executive.lab.problems import ProblemMaker, write
 
-    maker = ProblemMaker(domain, *read_range(objects), seed, subset)
+    maker = ProblemMaker(domain, *read_range(objects), seed, subset, read_combinations(combinations))
     made = list(maker.problems(count))
     files = write(made, out)
     if as_json:

@@ -11,10 +11,16 @@ from typing import Annotated
 
 from executive.app.config import DOMAIN_NAME, HOME_POSE, PROBLEM, RENDERER, EstimatorConfig
 from executive.app.options import Configuration, Option, check, command_words
-from executive.errors import OptionError
+from executive.errors import OptionError, nearest
 from executive.util.files import legible
 
-RECIPES = MappingProxyType({"small": "as shipped; takes a night", "smallest": "to try it out"})
+RECIPES = MappingProxyType(
+    {
+        "small": "as shipped",
+        "fine": "for many small things in one picture, and objects that are described",
+        "smallest": "to try it out",
+    }
+)
 
 MOST_POINTS = 20
 """Completed actions before a reset (Appendix D, step 4)."""
@@ -30,6 +36,27 @@ def read_range(said: str) -> tuple[int, int]:
     if match is None:
         raise OptionError(f"should be a number or a range such as 2-10, got {said!r}", option="objects")
     return int(match[1]), int(match[2] or match[1])
+
+
+COMBINATIONS = MappingProxyType(
+    {
+        "all": "any objects",
+        "seen": "none that is held out of training",
+        "held-out": "at least one that is held out of training",
+    }
+)
+"""Which objects the problems of a domain may have that are made up (`executive.lab.problems`)."""
+
+
+def read_combinations(said: str) -> str:
+    """Return the word for combinations of values.
+
+    Raises:
+        OptionError: it is none.
+    """
+    if said not in COMBINATIONS:
+        raise OptionError(f"no combinations {said!r}; {nearest(said, COMBINATIONS)}", option="combinations")
+    return said
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +91,9 @@ class CollectConfig:
     demonstrations: Annotated[
         bool, Option("How the arm moved in each action, too: what it sensed, and what it was told.")
     ] = False
+    combinations: Annotated[
+        str, Option("Which of these: all, seen (none that is held out of training), or held-out.", choices=COMBINATIONS)
+    ] = "all"
     jobs: Annotated[int | None, Option("How many at a time; as many as there are cores if not given.", least=1)] = None
     per_episode: int = MOST_POINTS
 
@@ -75,6 +105,8 @@ class CollectConfig:
             read_range(self.objects)
             if self.problem is not None:
                 raise OptionError("has problems made, and excludes `problem`", option="objects")
+        elif self.combinations != "all":
+            raise OptionError("is about objects that are made up: it needs `objects`", option="combinations")
 
     @property
     def command(self) -> str:
@@ -144,12 +176,20 @@ class TrainConfig:
     out: Annotated[Path, Option("The folder for everything; an interrupted training in it is continued.", flag="--out")]
     problem: Annotated[str | None, PROBLEM] = None
     recipe: Annotated[
-        str, Option("The size of the model and of the training: small, or smallest to try it out.", choices=RECIPES)
+        str,
+        Option("The size of the model and of the training: small, fine, or smallest to try it out.", choices=RECIPES),
     ] = "small"
     start: Annotated[
         str | None,
         Option("Start from a trained model, in a third of the time: its folder, or grocery-eye.", flag="--from"),
     ] = None
+    objects: Annotated[
+        str, Option("How many, where objects change from problem to problem (where there is a problems.toml).")
+    ] = "2-10"
+    data: Annotated[
+        tuple[str, ...],
+        Option("Train on a collection's pictures (--masks) in place of drawing any; repeat it for more."),
+    ] = ()
     minutes: Annotated[
         float | None, Option("Shorten it to fit into so many minutes on this machine.", least=1, most=100_000)
     ] = None
@@ -158,6 +198,7 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         check(self)
+        read_range(self.objects)
 
     @property
     def command(self) -> str:

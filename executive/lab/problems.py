@@ -10,7 +10,9 @@ import itertools
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -46,6 +48,18 @@ class Subset(_Table):
     distinct: list[str] = []
 
 
+HeldOut = dict[str, str]
+"""A combination of values that no training sees: attribute -> value."""
+
+
+class Combinations(StrEnum):
+    """Which objects there may be: any; none that has a held-out combination; or in each problem at least one."""
+
+    ALL = "all"
+    SEEN = "seen"
+    HELD_OUT = "held-out"
+
+
 class Recipe(_Table):
     """The contents of `problems.toml`."""
 
@@ -55,6 +69,19 @@ class Recipe(_Table):
     goal: list[str] = Field(min_length=1)
     chains: dict[str, int] = {}
     subsets: dict[str, Subset] = {}
+    held_out: list[Annotated[HeldOut, Field(min_length=2)]] = []
+
+    def is_held_out(self, described: Mapping[str, str]) -> bool:
+        """Whether an object's values have a combination that no training sees."""
+        return any(pair.items() <= described.items() for pair in self.held_out)
+
+    def allows(self, subset: str, objects: Sequence[Mapping[str, str]]) -> bool:
+        """Whether the objects of a problem (attribute -> value) are as a subset says."""
+        of = self.subsets[subset]
+        if any(each.get(name) not in values for name, values in of.only.items() for each in objects):
+            return False
+        keys = [tuple(each[name] for name in of.distinct) for each in objects]
+        return not of.distinct or len(keys) == len(set(keys))
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,24 +99,39 @@ class ProblemMaker:
     Args:
         least, most: the numbers of objects between which one is drawn.
         subset: the name of one of the recipe's.
+        combinations: whether there are objects with a combination of values that is held out.
 
     Raises:
         DomainError: the domain or its `problems.toml` has a mistake, or there is none.
-        OptionError: no such subset, or it has too few objects.
+        OptionError: no such subset, it has too few objects, or nothing is held out.
     """
 
-    def __init__(self, domain: str | Path, least: int, most: int, seed: int, subset: str | None = None) -> None:
+    def __init__(
+        self,
+        domain: str | Path,
+        least: int,
+        most: int,
+        seed: int,
+        subset: str | None = None,
+        combinations: str = Combinations.ALL,
+    ) -> None:
         loaded = load_domain(domain)
         self._pddl, self._name, self._seed, self._range = loaded.subject.pddl, loaded.task.name, seed, (least, most)
         self._scene = read_scene(loaded.scene)
         self._file = loaded.folder / FILE
-        self._recipe = _read(self._file, self._scene)
+        self._recipe = read_recipe(self._file, self._scene)
         if subset is not None and subset not in self._recipe.subsets:
             raise OptionError(f"no subset {subset!r}; {nearest(subset, self._recipe.subsets)}", option="subset")
         self._subset = Subset() if subset is None else self._recipe.subsets[subset]
         self._stem = f"{subset or 'random'}-{least}" + (f"-{most}" if most > least else "")
         there = [self._subset.only.get(name, list(values)) for name, values in self._scene.attributes.items()]
         self._described = [dict(zip(self._scene.attributes, words, strict=True)) for words in itertools.product(*there)]
+        self._held_out = [each for each in self._described if self._recipe.is_held_out(each)]
+        self._needs_held_out = combinations == Combinations.HELD_OUT
+        if combinations == Combinations.SEEN:
+            self._described = [each for each in self._described if each not in self._held_out]
+        elif self._needs_held_out and not self._held_out:
+            raise OptionError("there is none in problems.toml, or the subset has none", option="combinations")
         kinds = {self._key(each) for each in self._described}
         if not 1 <= least <= most:
             raise OptionError(f"should be two numbers such as 2-10, got {least}-{most}", option="objects")
@@ -130,8 +172,8 @@ class ProblemMaker:
         count = int(rng.integers(self._range[0], self._range[1] + 1))
         found: dict[str, str] = {}
         taken = set()
-        for index in rng.permutation(len(self._described)):
-            described = self._described[int(index)]
+        first = [self._held_out[int(rng.integers(len(self._held_out)))]] if self._needs_held_out else []
+        for described in (*first, *(self._described[int(index)] for index in rng.permutation(len(self._described)))):
             if len(found) < count and self._key(described) not in taken:
                 taken.add(self._key(described))
                 found["-".join(described.values())] = described[self._recipe.type]
@@ -234,30 +276,32 @@ def _indented(atoms: Sequence[str], by: int) -> str:
     return f"\n{' ' * by}".join(atoms)
 
 
-def _read(file: Path, scene: SceneSpec) -> Recipe:
+def read_recipe(file: Path, scene: SceneSpec) -> Recipe:
     """Read a recipe, and check it against the scene that has the attributes.
 
     Raises:
         DomainError: it has a mistake.
     """
-    said = read_toml(file, mistake=DomainError)
+    document = read_toml(file, mistake=DomainError)
     try:
-        recipe = Recipe.model_validate(said)
+        recipe = Recipe.model_validate(document)
     except ValidationError as error:
         path, message = first_mistake(error, Recipe)
         raise DomainError(message, file=file, key=".".join(path)) from error
-    named = {"type": recipe.type} | {
-        f"subsets.{subset}": name for subset, of in recipe.subsets.items() for name in (*of.only, *of.distinct)
-    }
-    for key, name in named.items():
+    held_out = {f"held_out[{number}]": pair for number, pair in enumerate(recipe.held_out)}
+    named = [("type", recipe.type)]
+    named += [(f"subsets.{each}", name) for each, of in recipe.subsets.items() for name in (*of.only, *of.distinct)]
+    named += [(key, name) for key, pair in held_out.items() for name in pair]
+    for key, name in named:
         if name not in scene.attributes:
             raise DomainError(
                 f"the scene has no attribute {name!r}; {nearest(name, scene.attributes)}", file=file, key=key
             )
-    for subset, of in recipe.subsets.items():
-        for name, values in of.only.items():
-            for value in values:
-                if value not in scene.attributes[name]:
-                    message = f"{name} has no value {value!r}; {nearest(value, scene.attributes[name])}"
-                    raise DomainError(message, file=file, key=f"subsets.{subset}")
+    said = [(f"subsets.{each}", name, v) for each, of in recipe.subsets.items() for name, v in of.only.items()]
+    said += [(key, name, [value]) for key, pair in held_out.items() for name, value in pair.items()]
+    for key, name, values in said:
+        for value in values:
+            if value not in scene.attributes[name]:
+                message = f"{name} has no value {value!r}; {nearest(value, scene.attributes[name])}"
+                raise DomainError(message, file=file, key=key)
     return recipe

@@ -320,7 +320,7 @@ class Player:
 def _maker(config: CollectConfig) -> ProblemMaker | None:
     if config.objects is None:
         return None
-    return ProblemMaker(config.domain, *read_range(config.objects), config.seed)
+    return ProblemMaker(config.domain, *read_range(config.objects), config.seed, combinations=config.combinations)
 
 
 def _objects(domain: Domain) -> dict[str, tuple[str, ...]]:
@@ -348,6 +348,7 @@ def _described(config: CollectConfig, domain: Domain) -> dict[str, Any]:
         "versions": {name: version_of(name) for name in DECIDING},
         # Not where they are not asked for, so that collections from before are continued.
         **{name: value for name in _ON_REQUEST if (value := getattr(config, name))},
+        **({"combinations": config.combinations} if config.combinations != "all" else {}),
     }
 
 

@@ -56,6 +56,7 @@ class Point:
     was carried out, as text; `time` the simulated seconds since the reset; `joints` (6,) in rad; `qpos` (nq,) MuJoCo's
     positions of everything, from which the moment can be drawn anew; `images` camera -> (H, W, 3) uint8; `facts` the
     truth of every atom of the task; `masks` camera -> (H, W) uint8, which of the objects (from 1 on) each pixel shows;
+    `objects` what there is with the values of its attributes, where that is not the same in all episodes;
     `surprises` those atoms whose truth is not what the action's effects, and nothing
     else, would have made of the state before it; `motion` how the arm moved, as columns of `demonstrations`.
     """
@@ -72,6 +73,7 @@ class Point:
     surprises: tuple[Atom, ...] = ()
     masks: Mapping[str, Image] = field(default_factory=lambda: MappingProxyType({}))
     motion: Mapping[str, Any] | None = None
+    objects: Objects = field(default_factory=lambda: MappingProxyType({}))
 
 
 class Attempt(NamedTuple):
@@ -264,6 +266,8 @@ class Reader:
         """A point of an episode, counted from 0; None after the last one."""
         names = ["seed", "episode", "step", "action", "time", "joints", "qpos", "atoms", "surprises"]
         again = f"collect it again with: {self.manifest['command']}"
+        names += ["objects"] if self._manifest["collection"].get("objects") else []
+        again = f"collect it again with: {self._manifest['command']}"
         try:
             if episode != self._episode:
                 pictures = (f"{IMAGE}{camera}" for camera in self._cameras)
@@ -352,6 +356,7 @@ def _point(row: Mapping[str, Any], cameras: Sequence[str]) -> Point:
         images={camera: from_jpeg(row[f"{IMAGE}{camera}"]["bytes"]) for camera in cameras},
         facts=Facts({Atom.parse(atom): value for atom, value in truth_of(row).items()}),
         surprises=tuple(map(Atom.parse, row["surprises"])),
+        objects={each["name"]: tuple(each["attributes"]) for each in row.get("objects", ())},
     )
 
 

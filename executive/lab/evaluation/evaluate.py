@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ import numpy as np
 from executive.app.config import EstimatorConfig
 from executive.app.estimators import load_calibration, with_default_model
 from executive.domain.loader import Domain
-from executive.errors import InputError
+from executive.errors import InputError, OptionError
 from executive.lab.collection import dataset
 from executive.lab.collection.collect import version_of
 from executive.lab.collection.dataset import Point
@@ -30,9 +30,10 @@ from executive.lab.common.progress import Progress
 from executive.lab.config import EvalConfig
 from executive.lab.evaluation import published
 from executive.lab.evaluation.kept_looks import Kept
-from executive.lab.evaluation.looks import OPENING, Look, Observer, Opened, Said, Shown, open_domain
+from executive.lab.evaluation.looks import OPENING, Look, Observer, Opened, Said, Shown, is_varying, open_domain
 from executive.lab.evaluation.metrics import Answers
 from executive.lab.evaluation.mistakes import Mistakes
+from executive.lab.evaluation.varying import Varying, columns
 from executive.types import Belief, FloatArray
 from executive.util.files import home
 
@@ -47,6 +48,8 @@ class Evaluation:
     `name` says what was measured as the paper's tables do (`72B + Instruct + Pose`); `about` everything that decided
     it, as JSON; `looks` are (episode, step) of the points; `surprising` (looks,) whether the last action came to
     something else than its effects; `seconds` (looks,) the wall time of each estimate, without reading or drawing.
+    Where objects change from episode to episode, `groups` are looks (looks,) that are scored apart, and `held_out` (as
+    the answers) says which of these are about objects with combinations that training did not see.
     """
 
     name: str
@@ -55,6 +58,8 @@ class Evaluation:
     looks: tuple[tuple[int, int], ...]
     surprising: np.ndarray[Any, np.dtype[np.bool_]]
     seconds: FloatArray
+    groups: Mapping[str, np.ndarray[Any, np.dtype[np.bool_]]] = field(default_factory=dict)
+    held_out: np.ndarray[Any, np.dtype[np.bool_]] | None = None
 
     @property
     def seconds_per_look(self) -> float:
@@ -77,7 +82,11 @@ class Evaluator:
         self._manifest = dataset.read_manifest(config.data)
         config.eye.check_cameras(self._manifest["cameras"])
         self.subject, self._drawing = open_domain(config)
-        self._check_atoms()
+        self._varying = Varying.of(config.domain) if is_varying(config.data) else None
+        if self._varying is None:
+            self._check_atoms()
+        else:
+            self._check_varying()
         if self._drawing is not None:
             _check_scene(self._drawing, self._manifest, warn)
         self._shown = Shown(config, self.subject, self._drawing)
@@ -151,8 +160,11 @@ class Evaluator:
         told: dict[int, Said] = {}
         with Kept(keep, self._same(opened)) if keep is not None else nullcontext() as kept:
             if kept is not None:
-                asked = len(self.atoms)
-                told |= {n: s for n, s in kept.known.items() if n <= len(points) and len(s.probability) == asked}
+                told |= {
+                    n: s
+                    for n, s in kept.known.items()
+                    if n <= len(points) and len(s.probability) == len(self._shown.atoms(points[n - 1]))
+                }
             there, began = len(told), time.monotonic()
             waiting = (
                 Look(number, point.episode, point.step - 1)
@@ -176,22 +188,37 @@ class Evaluator:
         self._shown.show(opened.cameras)
         questions = opened.questions
         for number, point in enumerate(points, start=1):
-            probability = zip(self.atoms, told[number].probability, strict=True)
+            atoms = self._shown.atoms(point)
+            probability = zip(atoms, told[number].probability, strict=True)
             known = {atom: value for atom, value in probability if value is not None}
-            belief = Belief(number, known, frozenset(self.atoms) - known.keys())
+            belief = Belief(number, known, frozenset(atoms) - known.keys())
             look = Look(number, point.episode, point.step - 1)
             text = self._shown.questions(point, questions).text
             self.mistakes.add(point, belief, lambda look=look: self._shown.pictures(self._shown.point(look)), text)  # type: ignore[misc]
+        answers, groups, held_out = self._scored(points, told)
+        looks = tuple((point.episode, point.step) for point in points)
+        surprising = np.array([bool(point.surprises) for point in points])
+        seconds = np.array([told[number].seconds for number in sorted(told)])
+        name, about = self._described(opened)
+        return Evaluation(name, about, answers, looks, surprising, seconds, groups, held_out)
+
+    def _scored(
+        self, points: Sequence[Point], told: Mapping[int, Said]
+    ) -> tuple[Answers, dict[str, Any], np.ndarray[Any, np.dtype[np.bool_]] | None]:
+        """The answers, the looks that are scored apart, and the answers about what training did not see."""
+        if self._varying is not None:
+            said = {number: each.probability for number, each in told.items()}
+            atoms, which, probability, truth = columns(points, said)
+            held_out = np.zeros(which.shape, np.bool_)
+            for row, point in enumerate(points):
+                held_out[row, : len(point.facts)] = self._varying.held_out(point)
+            return Answers(atoms, probability, truth, which), self._varying.groups(points), held_out
         answers = Answers(
             self.atoms,
             np.array([[math.nan if p is None else p for p in told[n].probability] for n in sorted(told)]),
             np.array([[point.facts[atom] for atom in self.atoms] for point in points]),
         )
-        looks = tuple((point.episode, point.step) for point in points)
-        surprising = np.array([bool(point.surprises) for point in points])
-        seconds = np.array([told[number].seconds for number in sorted(told)])
-        name, about = self._described(opened)
-        return Evaluation(name, about, answers, looks, surprising, seconds)
+        return answers, {}, None
 
     def _same(self, opened: Opened) -> dict[str, Any]:
         """Everything that the answers depend on, except for the number of looks."""
@@ -235,14 +262,23 @@ class Evaluator:
         }
         return row_name(model, about), about
 
+    def _check_varying(self) -> None:
+        """Check that a collection with other objects in each episode is of this domain.
+
+        Raises:
+            InputError: it is not, or its moments cannot be drawn anew.
+        """
+        of = self._manifest["collection"].get("domain")
+        if of != self.subject.name:
+            raise InputError(f"is of the domain {of!r}, and not of {self.subject.name!r}", file=self.config.data)
+        if self._drawing is not None:
+            message = "lights and cameras are for collections with the same objects in all episodes"
+            raise OptionError(message, option="disturb")
+
     def _check_atoms(self) -> None:
         there, asked = set(self._manifest["atoms"]), {str(atom) for atom in self.subject.task.atoms}
         if there == asked and asked:
             return
-        if self._manifest["collection"].get("objects"):
-            raise InputError(
-                "has other objects in each episode, and no model is evaluated on these yet", file=self.config.data
-            )
         of = self._manifest["collection"].get("problem")
         odd = min(there ^ asked, default="none")
         message = (

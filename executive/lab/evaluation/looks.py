@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from executive.app.estimators import open_estimator, runs_as
+from executive.app.estimators import open_estimator, runs_as, with_default_model, word_questions
 from executive.domain.loader import Domain, Subject, load_domain, load_subject
 from executive.lab.collection import dataset
 from executive.lab.collection.dataset import Point
@@ -17,6 +18,7 @@ from executive.lab.common.process_pool import ReportProgress
 from executive.lab.config import EvalConfig
 from executive.lab.evaluation.disturbance import Disturbance, Disturber
 from executive.lab.evaluation.paraphrases import Paraphrases
+from executive.lab.evaluation.varying import Varying
 from executive.s3e import S3E, Templates
 from executive.types import Atom, Belief, Image, Observation, Questions
 
@@ -81,8 +83,8 @@ class Observer:
             return Opened(backend.name, self.eye.cameras, asked, *runs_as(backend))
         point = self._shown.point(look)
         self.eye.questions = self._shown.questions(point, self._questions)
+        atoms = self._shown.atoms(point)
         observation = Observation(look.number, point.time, self._shown.pictures(point), point.joints)
-        atoms = self._subject.task.atoms
         begin = time.perf_counter()
         belief = self.eye.estimate(observation, atoms)
         seconds = time.perf_counter() - begin
@@ -94,11 +96,13 @@ class Shown:
     """What the estimator is shown of a point, and asked about it."""
 
     def __init__(self, config: EvalConfig, subject: Subject, drawing: Domain | None) -> None:
-        self._config, self._drawing = config, drawing
+        self._config, self._drawing, self._subject = config, drawing, subject
+        self._varying = Varying.of(config.domain) if is_varying(config.data) else None
+        self._worded: tuple[int, Subject, Questions, Paraphrases | None] | None = None
         self._disturbance = Disturbance.parse(config.disturb)
         self._disturber: Disturber | None = None
         self._paraphrases: Paraphrases | None = None
-        if config.paraphrases is not None:
+        if config.paraphrases is not None and self._varying is None:
             own = Templates.read(subject.questions) if subject.questions is not None else None
             self._paraphrases = Paraphrases.read(config.paraphrases, subject.task, own, config.rename)
         dataset.Reader(config.data, ())  # says what an unfinished collection lacks
@@ -127,11 +131,36 @@ class Shown:
         assert self._disturber is not None
         return self._disturber.pictures(point)
 
+    def atoms(self, point: Point) -> tuple[Atom, ...]:
+        """What is asked about a point."""
+        return self._subject.task.atoms if self._varying is None else tuple(point.facts)
+
     def questions(self, point: Point, own: Questions) -> Questions:
-        if self._paraphrases is None:
+        paraphrases = self._paraphrases
+        if self._varying is not None:
+            own, paraphrases = self._of_episode(point)
+        if paraphrases is None:
             return own
         key = np.random.SeedSequence([self._config.seed, point.seed, point.episode, point.step], spawn_key=(2,))
-        return replace(own, text=self._paraphrases.drawn(np.random.default_rng(key)))
+        return replace(own, text=paraphrases.drawn(np.random.default_rng(key)))
+
+    def _of_episode(self, point: Point) -> tuple[Questions, Paraphrases | None]:
+        """The questions about an episode's own objects, and their paraphrases."""
+        assert self._varying is not None
+        subject = self._varying.subject(self._subject, point)
+        if self._worded is None or self._worded[0] != point.episode or self._worded[1].task != subject.task:
+            paraphrases = None
+            if self._config.paraphrases is not None:
+                own = Templates.read(subject.questions) if subject.questions is not None else None
+                paraphrases = Paraphrases.read(self._config.paraphrases, subject.task, own, self._config.rename)
+            worded = word_questions(with_default_model(self._config.eye, subject), subject)
+            self._worded = point.episode, subject, worded, paraphrases
+        return self._worded[2], self._worded[3]
+
+
+def is_varying(data: Path) -> bool:
+    """Whether a collection has other objects in each episode."""
+    return bool(dataset.read_manifest(data)["collection"].get("objects"))
 
 
 def open_domain(config: EvalConfig) -> tuple[Subject, Domain | None]:

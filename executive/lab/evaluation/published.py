@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -45,9 +45,22 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
+class _Group(_Strict):
+    """The looks that a row of ours is about: at so many objects at most, or at those of a subset."""
+
+    most: int | None = Field(default=None, ge=1)
+    subset: str | None = None
+
+    @property
+    def name(self) -> str:
+        """As of `executive.lab.evaluation.varying`."""
+        return f"at most {self.most}" if self.most is not None else str(self.subset)
+
+
 class _Table(_Strict):
     name: str = Field(min_length=1)
     title: str = ""
+    groups: dict[str, _Group] = {}
     rows: dict[str, list[float]]
 
 
@@ -101,12 +114,13 @@ def read(folder: Path) -> Published | None:
     return published
 
 
-def tables(published: Published | None, ours: Mapping[str, Mapping[str, float | None]]) -> list[Table]:
+def tables(published: Published | None, ours: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     """The published tables with our rows (name -> scores as a document) in their places; without any published, a
     table of ours alone.
 
     A row of ours stands after those whose name says the same after its first part (`+ Instruct + Pose`). One that was
-    asked without translation stands in the tables that have such rows.
+    asked without translation stands in the tables that have such rows. A table with groups has a row of ours for each
+    of them that the evaluation has.
     """
     if published is None:
         heads = tuple(HEADS)
@@ -115,6 +129,11 @@ def tables(published: Published | None, ours: Mapping[str, Mapping[str, float | 
     columns = tuple(published.columns)
     for table in published.table:
         rows = [Row(name, tuple(values), False) for name, values in table.rows.items()]
+        if table.groups:
+            for name, scores in ours.items():
+                _add_groups(rows, table, name, scores.get("groups", {}), columns)
+            made.append(_made(table.name, table.title, columns, rows))
+            continue
         untranslated = any(UNTRANSLATED in name for name in table.rows)
         for name, scores in ours.items():
             if untranslated or UNTRANSLATED not in name:
@@ -133,10 +152,30 @@ def _check(published: Published, file: Path) -> None:
         except ValueError as error:
             raise DomainError(str(error), file=file, key="curves") from None
     for table in published.table:
+        for label, group in table.groups.items():
+            if (group.most is None) == (group.subset is None):
+                raise DomainError("has either 'most' or 'subset'", file=file, key=f"table.groups.{label!r}")
         for name, values in table.rows.items():
             if len(values) != len(published.columns):
                 message = f"has {len(values)} numbers, and there are {len(published.columns)} columns"
                 raise DomainError(message, file=file, key=f"table.rows.{name!r}")
+
+
+def _add_groups(
+    rows: list[Row], table: _Table, name: str, groups: Mapping[str, Mapping[str, Any]], columns: Sequence[str]
+) -> None:
+    """Put a row of ours for each group after the published rows with the same modifications."""
+    known = frozenset[str]().union(*(_modifications(_ungrouped(each)) for each in table.rows))
+    told = _modifications(name) & known
+    alike = [at for at, row in enumerate(rows) if _modifications(_ungrouped(row.name)) & known == told]
+    place = alike[-1] + 1 if alike else len(rows)
+    for label, group in reversed(table.groups.items()):
+        if group.name in groups:
+            rows.insert(place, _row(f"{name} ({label})", groups[group.name], columns))
+
+
+def _ungrouped(name: str) -> str:
+    return name.partition(" (")[0]
 
 
 def _place(name: str, rows: Sequence[Row]) -> int:

@@ -43,7 +43,8 @@ def write(
         named = distinct([evaluation, *beside])
         series = {name: each.answers for name, each in named.items()}
         pictures = {CURVES: plots.precision_recall(series, _atoms(evaluation.answers, published))}
-        pictures[PRECISIONS] = plots.average_precisions(series)
+        if all(answers.which is None for answers in series.values()):  # else there are too many atoms for a picture
+            pictures[PRECISIONS] = plots.average_precisions(series)
         for name, png in pictures.items():
             write_atomically(folder / name, png)
         if any(answers.pairs() for answers in series.values()):
@@ -93,7 +94,18 @@ def summary(document: Mapping[str, Any], folder: Path) -> str:
     for name, scores in document["predicates"].items():
         wrong = f"{scores['missed']} missed, {scores['false_alarms']} false alarms"
         lines.append(f"  {name}: AP {number(scores['ap_micro'])} micro, {number(scores['ap_macro'])} macro; {wrong}")
+    for name, scores in document.get("groups", {}).items():
+        lines.append(_apart(f"{name}: {scores['looks']} looks", scores))
+    for name, scores in document.get("combinations", {}).items():
+        lines.append(_apart(f"combinations {name}", scores))
     return "\n".join([*lines, f"report: {folder / REPORT}"])
+
+
+def _apart(name: str, scores: Mapping[str, Any]) -> str:
+    number = html.number
+    whole = scores["exact_state"]
+    told = "" if whole is None else f", the whole state in {100 * whole:.1f} %"
+    return f"  {name}: AP {number(scores['ap_micro'])} micro, {number(scores['ap_macro'])} macro{told}"
 
 
 _FIGURES = {
@@ -115,6 +127,8 @@ _FIGURES = {
 
 def _atoms(answers: Answers, published: Published | None) -> list[Atom]:
     """The atoms whose curves are drawn: those that were published, and the one with the lowest."""
+    if answers.which is not None:
+        return []
     known = {atom: value for atom in answers.atoms if (value := average_precision(answers.of(atom))) is not None}
     worst = [min(known, key=lambda atom: known[atom])] if known else []
     wanted = [atom for atom in (published.atoms if published is not None else ()) if atom in known]

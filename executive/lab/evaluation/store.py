@@ -29,6 +29,9 @@ from executive.util.arrays import parse_arrays
 from executive.util.files import check_writable, read_bytes, read_json
 
 RESULTS, ANSWERS, KEPT = "evaluation.json", "answers.npz", ".looks.jsonl"
+GROUP = "group: "
+"""What the arrays of looks that are scored apart begin with."""
+
 _LARGEST = 1_000_000_000
 
 
@@ -37,32 +40,50 @@ def document(evaluation: Evaluation) -> dict[str, Any]:
     which the state is what the action's effects say (`expected`) and those after which it is not (`surprising`)."""
     answers, surprising = evaluation.answers, evaluation.surprising
     parts = {"expected": answers.where(~surprising), "surprising": answers.where(surprising)}
-    return {
+    # Where objects change, atoms may be thousands, each in a few looks.
+    each = answers.atoms if answers.which is None else ()
+    made = {
         "name": evaluation.name,
         "looks": answers.looks,
         **scores(answers).document(),
         "seconds_per_look": round(evaluation.seconds_per_look, 4),
-        "never_true": [str(atom) for atom in never_true(answers)],
+        "never_true": [str(atom) for atom in never_true(answers)] if answers.which is None else [],
         "about": dict(evaluation.about),
         "looks_by_action": {name: {"looks": part.looks, **scores(part).document()} for name, part in parts.items()},
         "predicates": {name: scores(answers.of(name)).document() for name in answers.predicates},
-        "atoms": {str(atom): scores(answers.of(atom)).document() for atom in answers.atoms},
+        "atoms": {str(atom): scores(answers.of(atom)).document() for atom in each},
     }
+    if evaluation.groups:
+        chosen = {name: answers.where(looks) for name, looks in evaluation.groups.items()}
+        made["groups"] = {name: {"looks": part.looks, **scores(part).document()} for name, part in chosen.items()}
+    if evaluation.held_out is not None:
+        apart = {
+            "seen": answers.only(~evaluation.held_out & answers.asked),
+            "held out": answers.only(evaluation.held_out),
+        }
+        made["combinations"] = {name: scores(part).document() for name, part in apart.items()}
+    return made
 
 
 def save(folder: Path, evaluation: Evaluation) -> dict[str, Any]:
     """Write both files, and return the document."""
     made = document(evaluation)
+    answers = evaluation.answers
+    arrays: dict[str, npt.NDArray[Any]] = {
+        "atoms": np.array([str(atom) for atom in answers.atoms]),
+        "probability": answers.probability,
+        "truth": answers.truth,
+        "looks": np.array(evaluation.looks, dtype=np.int64).reshape(-1, 2),
+        "surprising": evaluation.surprising,
+        "seconds": evaluation.seconds,
+        **{f"{GROUP}{name}": looks for name, looks in evaluation.groups.items()},
+    }
+    if answers.which is not None:
+        arrays["which"] = answers.which
+    if evaluation.held_out is not None:
+        arrays["held_out"] = evaluation.held_out
     buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer,
-        atoms=np.array([str(atom) for atom in evaluation.answers.atoms]),
-        probability=evaluation.answers.probability,
-        truth=evaluation.answers.truth,
-        looks=np.array(evaluation.looks, dtype=np.int64).reshape(-1, 2),
-        surprising=evaluation.surprising,
-        seconds=evaluation.seconds,
-    )
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
     write_atomically(folder / ANSWERS, buffer.getvalue())
     write_atomically(folder / RESULTS, (json.dumps(made, indent=2) + "\n").encode())
     return made
@@ -82,14 +103,18 @@ def load(folder: Path) -> Evaluation:
     try:
         kept = parse_arrays(read_bytes(folder / ANSWERS, largest=_LARGEST))
         atoms = tuple(Atom.parse(str(atom)) for atom in kept["atoms"])
-        answers = Answers(atoms, _array(kept, "probability", "f", 2), _array(kept, "truth", "b", 2))
+        which = _array(kept, "which", "i", 2) if "which" in kept else None
+        answers = Answers(atoms, _array(kept, "probability", "f", 2), _array(kept, "truth", "b", 2), which)
+        groups = {key.removeprefix(GROUP): _array(kept, key, "b", 1) for key in kept if key.startswith(GROUP)}
+        held_out = _array(kept, "held_out", "b", 2) if "held_out" in kept else None
         looks = tuple((int(episode), int(step)) for episode, step in _array(kept, "looks", "i", 2))
         surprising, seconds = _array(kept, "surprising", "b", 1), _array(kept, "seconds", "f", 1)
-        if {len(looks), len(surprising), len(seconds)} != {answers.looks}:
+        counts = {len(looks), len(surprising), len(seconds), *map(len, groups.values())}
+        if counts != {answers.looks} or (held_out is not None and held_out.shape != answers.truth.shape):
             raise ValueError("its arrays are not of the same looks")
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(f"is damaged ({error})", file=folder / ANSWERS) from None
-    return Evaluation(told["name"], told["about"], answers, looks, surprising, seconds)
+    return Evaluation(told["name"], told["about"], answers, looks, surprising, seconds, groups, held_out)
 
 
 def _array(kept: Mapping[str, npt.NDArray[Any]], name: str, kind: str, dimensions: int) -> Any:

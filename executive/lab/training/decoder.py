@@ -93,7 +93,9 @@ def answers(model: Any, tokens: torch.Tensor, batch: QuestionBatch) -> tuple[tor
     return last @ decoder.embed_tokens.weight.T, inner
 
 
-def loss_of(logits: torch.Tensor, inner: torch.Tensor, probe: Probe, batch: QuestionBatch, yes: Sequence[int]) -> Loss:
+def loss_of(
+    logits: torch.Tensor, inner: torch.Tensor, probe: nn.Module, batch: QuestionBatch, yes: Sequence[int]
+) -> Loss:
     """The cross-entropy of the answers plus that of the probe. `yes` are the affirmative tokens."""
     target, yes_no = batch.answers, batch.yes_no
     total = functional.cross_entropy(logits, target)

@@ -24,6 +24,7 @@ from executive.errors import InputError
 from executive.lab.common.process_pool import ReportProgress
 from executive.lab.training.scene_sampler import Moment, SceneSampler
 from executive.sim import scene
+from executive.sim.initial_state import InitialState
 from executive.sim.relighting import Lights, Relighting, Shift
 from executive.sim.rendering import make_renderer
 from executive.types import FloatArray
@@ -44,16 +45,29 @@ class Shard(NamedTuple):
 
 
 class ImageSampler:
-    """Renders sampled scenes as training pictures of `side` x `side` pixels, resized as the model's processor does."""
+    """Renders sampled scenes as training pictures of `side` x `side` pixels, resized as the model's processor does.
 
-    def __init__(self, domain: Domain, seed: Sequence[int], side: int, cameras: Sequence[str] | None = None) -> None:
-        self._sampler = SceneSampler(domain, [*seed, 0])
+    Args:
+        start: what stands on what at first; see `SceneSampler`.
+        mask: the side of a mask in pixels.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        seed: Sequence[int],
+        side: int,
+        cameras: Sequence[str] | None = None,
+        start: InitialState | None = None,
+        mask: int = MASK,
+    ) -> None:
+        self._sampler = SceneSampler(domain, [*seed, 0], start)
         self._rng = np.random.default_rng(np.random.SeedSequence([*seed, 1]))
         world = self._sampler.world
         self._relighting = Relighting(world.model, world.spec)
         self.cameras = [camera for camera in world.spec.cameras if cameras is None or camera.name in cameras]
         self._side = side
-        self._small = make_renderer(world.model, MASK, MASK)
+        self._small = make_renderer(world.model, mask, mask)
         self._small.enable_segmentation_rendering()
         items = sorted(world.shapes)
         roots = {world.model.body(item).id: index + 1 for index, item in enumerate(items)}

@@ -25,9 +25,8 @@ A vision-language model of {millions:.1f} million parameters that answers yes/no
 simulated scene: `{name}`. It is a `FastVlmForConditionalGeneration` (a ResNet, and a Qwen2 of {layers} layers,
 {hidden} wide) that `AutoModelForImageTextToText.from_pretrained` loads without any code but that of transformers.
 
-It is **in-domain, not zero-shot**: it was trained {start} on pictures of this scene alone, and knows these items,
-these {cameras} cameras in this order, and questions about {atoms} atoms. Its answers about anything
-else mean nothing.
+It is **in-domain, not zero-shot**: it was trained {start} on pictures of this scene alone, and knows {knows},
+and these {cameras} cameras in this order. Its answers about anything else mean nothing.{untold}
 
 ## How it was trained
 
@@ -52,11 +51,25 @@ probabilities of *yes* and *no*. `executive run {name} --vlm FOLDER` does that, 
 """
 
 
+_UNTOLD = """
+
+Objects are asked about by their descriptions. Combinations that are `held_out` in the domain's `problems.toml` were in
+no picture and in no question of the training. It was not trained on atoms without translation (`--translator none`)."""
+
+
 def render(
-    domain: Domain, preset: Preset, cameras: int, parameters: int, seed: int, command: str, start: str | None = None
+    domain: Domain,
+    preset: Preset,
+    cameras: int,
+    parameters: int,
+    seed: int,
+    command: str,
+    start: str | None = None,
+    described: bool = False,
 ) -> str:
     """The text of the card, without the results of an evaluation. `start` is the name of the model that the training
-    started from."""
+    started from, and `described` whether objects change from problem to problem and are described by attributes."""
+    knows = f"these items and questions about {len(domain.task.atoms)} atoms"
     numbers: Mapping[str, Any] = {
         "title": domain.title,
         "name": domain.name,
@@ -65,7 +78,8 @@ def render(
         "hidden": preset.size.hidden,
         "side": preset.size.side,
         "cameras": cameras,
-        "atoms": len(domain.task.atoms),
+        "knows": "the values of these attributes and questions about objects that have them" if described else knows,
+        "untold": _UNTOLD if described else "",
         "command": command,
         "start": "from scratch" if start is None else f"from the weights of `{start}`",
         "moments": preset.shards * preset.moments,

@@ -19,7 +19,7 @@ import torch
 from torch import nn
 
 from executive.lab.training import tokenizer as words
-from executive.lab.training.presets import STRIDE, ModelSize
+from executive.lab.training.presets import ModelSize
 from executive.s3e.backends.loading import quiet
 from executive.s3e.backends.packages import importing
 
@@ -102,7 +102,7 @@ def save(model: Any, tokenizer: Any, size: ModelSize, folder: Path) -> None:
     ).save_pretrained(folder)
     described = {
         "processor_class": "LlavaProcessor",
-        "patch_size": STRIDE,
+        "patch_size": size.stride,
         "vision_feature_select_strategy": "full",
         "image_token": words.IMAGE,
         "num_additional_image_tokens": 0,

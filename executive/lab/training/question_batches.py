@@ -88,7 +88,6 @@ class QuestionSampler:
         self._systems = [[self._id(words.SYSTEM), *self._ids(text)] if text else [] for text, _ in systems]
         self._shares = [share for _, share in systems]
         self._untranslated = [self._id(words.SYSTEM), *self._ids(untranslated)]
-        self._user, self._assistant = self._id(words.USER), self._id(words.ASSISTANT)
         self.yes, self.no = self._id("yes"), self._id("no")
         self._true, self._false = self._id("true"), self._id("false")
         self.affirmative = (self.yes, self._true)
@@ -97,6 +96,7 @@ class QuestionSampler:
         named = {atom for _, atom in labels.facets}
         self._without_item = [index for index in range(len(labels.atoms)) if index not in named]
         self._facets = [labels.of_item(item) for item in range(len(labels.items))]
+        self._layout = RowLayout(self._id(words.USER), self._id(words.ASSISTANT), self._facets)
 
     def reseed(self, seed: int) -> None:
         """Restarts the random generator from a seed."""
@@ -119,7 +119,7 @@ class QuestionSampler:
         if raw:
             system = self._untranslated if rng.random() < 0.3 else []
         rows = [[self._question(row, open_share, raw) for _ in range(count)] for row in facts]
-        return self._batch(rows, scene, system)
+        return self._layout.batch(rows, scene, system)
 
     def official(self, facts: np.ndarray[Any, np.dtype[np.bool_]], scene: int, system: int = -1) -> QuestionBatch:
         """Every atom of each scene once, in the wording that runs use."""
@@ -128,16 +128,16 @@ class QuestionSampler:
             questions = []
             for index, atom in enumerate(self._labels.atoms):
                 text = self._ids(self._wordings.official[atom])
-                questions.append(_Question(text, self.yes if row[index] else self.no, True, None, []))
+                questions.append(Question(text, self.yes if row[index] else self.no, True, None, []))
             rows.append(questions)
-        return self._batch(rows, scene, self._systems[system])
+        return self._layout.batch(rows, scene, self._systems[system])
 
-    def _question(self, facts: np.ndarray[Any, np.dtype[np.bool_]], open_share: float, raw: bool) -> _Question:
+    def _question(self, facts: np.ndarray[Any, np.dtype[np.bool_]], open_share: float, raw: bool) -> Question:
         rng, labels = self._rng, self._labels
         if raw:
             index = rng.randrange(len(labels.atoms))
             answer = self._true if facts[index] else self._false
-            return _Question(self._ids(str(labels.atoms[index])), answer, True, None, [])
+            return Question(self._ids(str(labels.atoms[index])), answer, True, None, [])
         if rng.random() < open_share:
             item = rng.randrange(len(labels.items))
             true = [facet for facet in self._facets[item] if facts[labels.facets[facet][1]]]
@@ -154,7 +154,7 @@ class QuestionSampler:
         for name, item_name in zip(names, atom.args, strict=True):
             if item_name in labels.items:
                 return self._probed(text, name, labels.items.index(item_name), answer, True, facts)
-        return _Question(self._ids(text), answer, True, None, [])
+        return Question(self._ids(text), answer, True, None, [])
 
     def _atom(self, facts: np.ndarray[Any, np.dtype[np.bool_]]) -> int:
         """Samples an atom; true ones, and those that name no item, more often than at random. The latter are few, and
@@ -169,16 +169,57 @@ class QuestionSampler:
 
     def _probed(
         self, text: str, name: str, item: int, answer: int, yes_no: bool, facts: np.ndarray[Any, np.dtype[np.bool_]]
-    ) -> _Question:
-        tokens, named = self._ids(text), self._ids(name)
-        ends = [
-            begin + len(named) for begin in range(len(tokens) - len(named) + 1)
-            if tokens[begin : begin + len(named)] == named
-        ]  # fmt: skip
+    ) -> Question:
+        tokens = self._ids(text)
+        end = RowLayout.end_of(self._ids(name), tokens)
         known = [int(facts[self._labels.facets[facet][1]]) for facet in self._facets[item]]
-        return _Question(tokens, answer, yes_no, (ends[-1], item) if ends else None, known)
+        return Question(tokens, answer, yes_no, None if end is None else (end, item), known)
 
-    def _batch(self, rows: Sequence[Sequence[_Question]], scene: int, system: Sequence[int]) -> QuestionBatch:
+    def _ids(self, text: str) -> list[int]:
+        return list(self._tokenizer(text, add_special_tokens=False)["input_ids"])
+
+    def _id(self, token: str) -> int:
+        return int(self._tokenizer.convert_tokens_to_ids(token))
+
+    def _first(self, text: str) -> int:
+        return self._ids(text)[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A question's tokens and answer. `probe` is the end of an item's name (counted from the token before the question)
+    with the item's index, and `known` the truth of each of the item's facets."""
+
+    tokens: list[int]
+    answer: int
+    yes_no: bool
+    probe: tuple[int, int] | None
+    known: list[int]
+
+
+class RowLayout:
+    """The layout of questions in rows.
+
+    Args:
+        user, assistant: the tokens before a question, and before its answer.
+        facets: item -> the indices of what a probe at its name is to read.
+    """
+
+    def __init__(self, user: int, assistant: int, facets: Sequence[Sequence[int]]) -> None:
+        self._user, self._assistant, self._facets = user, assistant, facets
+
+    @staticmethod
+    def end_of(name: Sequence[int], tokens: Sequence[int]) -> int | None:
+        """Where a name ends for the last time in a question, counted from the token before that; None where it is
+        nowhere."""
+        ends = [
+            begin + len(name) for begin in range(len(tokens) - len(name) + 1)
+            if tokens[begin : begin + len(name)] == name
+        ]  # fmt: skip
+        return ends[-1] if ends else None
+
+    def batch(self, rows: Sequence[Sequence[Question]], scene: int, system: Sequence[int]) -> QuestionBatch:
+        """One row of questions for each scene, after the `scene` tokens that show it and those of `system`."""
         import torch
 
         start = scene + len(system)
@@ -221,24 +262,3 @@ class QuestionSampler:
             torch.tensor(facets, dtype=torch.long).reshape(-1, widest),
             torch.tensor(known, dtype=torch.float32).reshape(-1, widest),
         )
-
-    def _ids(self, text: str) -> list[int]:
-        return list(self._tokenizer(text, add_special_tokens=False)["input_ids"])
-
-    def _id(self, token: str) -> int:
-        return int(self._tokenizer.convert_tokens_to_ids(token))
-
-    def _first(self, text: str) -> int:
-        return self._ids(text)[0]
-
-
-@dataclass(frozen=True, slots=True)
-class _Question:
-    """A question's tokens and answer. `probe` is the end of an item's name (counted from the token before the question)
-    with the item's index, and `known` the truth of each of the item's facets."""
-
-    tokens: list[int]
-    answer: int
-    yes_no: bool
-    probe: tuple[int, int] | None
-    known: list[int]

@@ -15,6 +15,7 @@ import numpy as np
 
 from executive.domain.loader import Domain
 from executive.sim import placement, scene
+from executive.sim.initial_state import InitialState
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.skills import grasps, transforms
@@ -49,11 +50,21 @@ class SceneSampler:
 
     Args:
         seed: fixes all samples.
+        start: what stands on what, and where; without it, items are anywhere on tables and on the floor.
     """
 
-    def __init__(self, domain: Domain, seed: Sequence[int]) -> None:
+    def __init__(self, domain: Domain, seed: Sequence[int], start: InitialState | None = None) -> None:
         self._rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
-        self.world = MujocoWorld(domain.scene, domain.task.objects, seed=int(self._rng.integers(2**31)))
+        begin = start or InitialState()
+        self.world = MujocoWorld(
+            domain.scene,
+            domain.task.objects,
+            seed=int(self._rng.integers(2**31)),
+            placed=begin.placed,
+            stacked=begin.stacked,
+            regions=begin.regions,
+        )
+        self._begin = None if start is None else self.world.snapshot()
         self._truth, self._atoms = Truth(self.world, domain.relations, domain.task.parameters), domain.task.atoms
         self._kinematics = Kinematics(self.world.handle)
         self._model, self._data = self.world.model, self.world.data
@@ -69,7 +80,10 @@ class SceneSampler:
 
     def draw(self) -> list[Moment]:
         """Draws an arrangement of the items, and up to `VARIANTS` samples with it."""
-        self._arrange()
+        if self._begin is None:
+            self._arrange()
+        else:
+            self._disarrange(self._begin)
         state = self.world.snapshot()
         moments = []
         for kind in self._rng.choice(_KINDS, VARIANTS, p=_SHARES):
@@ -97,6 +111,26 @@ class SceneSampler:
             placed[item] = self._spot(str(item), placed, gap, favourite)
             self._put(str(item), placed[item])
         self._pass_time(0.5)
+
+    def _disarrange(self, begin: bytes) -> None:
+        """Sets everything up as at the start; at times, what carries nothing then lies somewhere else."""
+        self.world.restore(begin)
+        count = int(self._rng.choice([0, 1, 2], p=[0.6, 0.25, 0.15]))
+        for item in self._rng.permutation(self._free_items())[:count]:
+            others = {other: self._item_pose(other) for other in self.world.shapes if other != item}
+            self._put(str(item), self._spot(str(item), others, 0.02, None))
+        if count:
+            self._pass_time(0.5)
+
+    def _free_items(self) -> list[str]:
+        """The items that carry no other one."""
+        roots = {self._model.body(item).id: item for item in self.world.shapes}
+        carrying = set()
+        for contact in self._data.contact[: self._data.ncon]:
+            pair = [roots.get(int(self._model.body_rootid[self._model.geom_bodyid[geom]])) for geom in contact.geom]
+            if pair[0] is not None and pair[1] is not None:
+                carrying.add(min(pair, key=lambda item: self._item_pose(str(item))[2]))
+        return sorted(set(self.world.shapes) - carrying)
 
     def _spot(self, item: str, others: dict[str, FloatArray], gap: float, favourite: int | None) -> FloatArray:
         rng, shape, tables = self._rng, self.world.shapes[item], self.world.spec.tables
@@ -138,7 +172,7 @@ class SceneSampler:
         if kind == "anywhere":
             q = self._home + rng.normal(0.0, [0.9, 0.3, 0.4, 0.4, 0.3, 1.0])
             return self._stand(q, float(rng.choice([0.0, rng.uniform(0.0, 0.8)], p=[0.7, 0.3])))
-        item = str(rng.choice(sorted(self.world.shapes)))
+        item = str(rng.choice(sorted(self.world.shapes) if self._begin is None else self._free_items()))
         grasp = self._grasp(item)
         if grasp is None:
             return False

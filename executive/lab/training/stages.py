@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from torch import nn
 from torch.nn import functional
 
 from executive.domain.loader import Domain
@@ -34,10 +35,11 @@ TOWER, LANGUAGE, TOGETHER, FEWER = "tower.pt", "language.pt", "together.pt", "fe
 Watch = Callable[[Report], None]
 
 
-class _Scenes(NamedTuple):
-    """Encoded scenes: facts (B, A), tokens (B, P, D), and the losses of tokens and encoder with their metrics."""
+class EncodedScenes(NamedTuple):
+    """Encoded scenes: their truth as the sampler of questions takes it (facts (B, A)), tokens (B, P, D), and the losses
+    of tokens and encoder with their metrics."""
 
-    facts: np.ndarray[Any, Any]
+    facts: Any
     tokens: torch.Tensor
     apart: torch.Tensor
     dense: torch.Tensor
@@ -45,7 +47,8 @@ class _Scenes(NamedTuple):
 
 
 class Trainer:
-    """The parts of the model that is trained, and the sampler of its questions.
+    """The parts of the model that is trained, and the sampler of its questions, for a domain whose objects are the same
+    in all of its pictures.
 
     Args:
         seed: fixes everything.
@@ -72,10 +75,16 @@ class Trainer:
         self.model = network.build(preset.size, self.tokenizer)
         if start is not None:
             warm_start.load(self.model, self.tokenizer, start)
-        self.dense = vision_encoder.Dense(preset.size, self.labels)
-        self.codes = decoder.CellEmbeddings(self.model, self.tokenizer, self.labels, self.wordings)
-        self.probe = decoder.Probe(preset.size, self.labels)
-        self.sampler = QuestionSampler(self.labels, self.wordings, self.tokenizer, self.systems, untranslated, seed)
+        self.dense: nn.Module = vision_encoder.Dense(preset.size, self.labels)
+        self.codes: nn.Module = decoder.CellEmbeddings(self.model, self.tokenizer, self.labels, self.wordings)
+        self.probe: nn.Module = decoder.Probe(preset.size, self.labels)
+        self.sampler: Any = QuestionSampler(
+            self.labels, self.wordings, self.tokenizer, self.systems, untranslated, seed
+        )
+        self._place()
+
+    def _place(self) -> None:
+        """Brings all parts to the device that there is."""
         markers = self.tokenizer.convert_tokens_to_ids(list(tokenizer.PICTURES))
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         self._markers = torch.tensor(markers, device=self.device)
@@ -93,7 +102,7 @@ class Trainer:
             *(5 * [*texts, *QuestionSampler.corpus(self.labels), *named, *map(str, self.domain.task.atoms)]),
         ]
 
-    def pool(self, folder: Path) -> ShardPool:
+    def pool(self, folder: Path) -> Any:
         """The pictures in a folder of shards."""
         return ShardPool(folder)
 
@@ -121,9 +130,7 @@ class Trainer:
 
     # Stage 3.
 
-    def train_decoder(
-        self, states: np.ndarray[Any, Any], file: Path, watch: Watch, stopped: Callable[[], bool]
-    ) -> None:
+    def train_decoder(self, states: Any, file: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
         """Trains the decoder on synthetic scenes, whose states are drawn from `states` (N, A)."""
         preset = self.preset
 
@@ -134,9 +141,7 @@ class Trainer:
         self.model.train()
         train_stage("language", file, parts, preset.language, step_loss, self.seed + 1, watch, stopped)
 
-    def language_loss(
-        self, states: np.ndarray[Any, Any], rng: np.random.Generator, open_share: float
-    ) -> tuple[torch.Tensor, Metrics]:
+    def language_loss(self, states: Any, rng: np.random.Generator, open_share: float) -> tuple[torch.Tensor, Metrics]:
         """The loss of answers on synthetic scenes."""
         facts, shown = decoder.SyntheticScenes(self.labels, states, rng).scenes(self.preset.scenes)
         self.sampler.reseed(int(rng.integers(2**31)))
@@ -161,7 +166,7 @@ class Trainer:
     def train_camera_subsets(self, folder: Path, file: Path, watch: Watch, stopped: Callable[[], bool]) -> None:
         """Continues, in half of the steps with a subset of the cameras: a closer look of a run uses one camera, and a
         failed camera is left out. For atoms that cannot be seen, the model is to answer with their frequency."""
-        pool = ShardPool(folder)
+        pool = self.pool(folder)
 
         def step_loss(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
             return self.answer_loss(pool, rng, 0.0, fewer=True)
@@ -208,7 +213,7 @@ class Trainer:
 
     def _encoded(
         self, pool: ShardPool, rng: np.random.Generator, cameras: list[int] | None, learning: bool = True
-    ) -> _Scenes:
+    ) -> EncodedScenes:
         """Encodes random scenes by encoder and projector; with `cameras`, their pictures alone, in this order."""
         raw, masks, facts = pool.scenes(self.preset.scenes, rng)
         if cameras is not None:
@@ -223,7 +228,7 @@ class Trainer:
         apart = functional.mse_loss(cells, meant) / meant.var()
         dense, metrics = self.dense(last, before, torch.from_numpy(each), torch.from_numpy(every))
         tokens = self.row(cells.reshape(len(facts), shown, *cells.shape[1:]))
-        return _Scenes(facts, tokens, apart, dense, metrics)
+        return EncodedScenes(facts, tokens, apart, dense, metrics)
 
     def _camera_subset(self, rng: np.random.Generator) -> list[int]:
         """A random subset of the cameras, in order: all but one as often as one or two."""

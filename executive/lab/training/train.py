@@ -14,7 +14,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,8 +26,11 @@ from executive.lab.collection import dataset
 from executive.lab.common.folder_lock import lock, remove_partial
 from executive.lab.common.process_pool import ProcessPool, WorkerLostError, run_jobs
 from executive.lab.common.progress import RemainingTime, Stage
-from executive.lab.config import TrainConfig
+from executive.lab.config import TrainConfig, read_range
+from executive.lab.problems import ProblemMaker
 from executive.lab.training import warm_start
+from executive.lab.training.described import shards
+from executive.lab.training.described.space import DescribedSpace, is_described
 from executive.lab.training.presets import PRESETS, Pace, Preset
 from executive.sim.spec import read_scene
 from executive.trace.record.codec import decode
@@ -39,6 +42,8 @@ if TYPE_CHECKING:
     from executive.lab.training.stages import Trainer
 
 MANIFEST, PACE, PICTURES, MODEL = "training.json", "pace.json", "pictures", "model"
+
+STAGES = ("pictures", "tower", "language", "together", "fewer")
 
 Watch = Callable[[Stage], None]
 
@@ -60,10 +65,14 @@ class Training:
         self.domain: Domain = load_domain(config.domain, config.problem)
         checked_stage(self.domain)
         self.cameras = len(read_scene(self.domain.scene).cameras)
+        self._space = self._described_space()
         self._start = None if config.start is None else warm_start.find(config.start)
         if self._start is not None:
             warm_start.check(self._start, self._whole.size, config.recipe)
             self._whole = self._whole.warmed(self.cameras)
+        if config.data:
+            self._whole = replace(self._whole, shards=len(shards.parts_of(self._data)))
+        self._remaining = RemainingTime(dict.fromkeys(STAGES, 1.0))
         self._cancelled = False
         self._check_folder()
 
@@ -104,6 +113,31 @@ class Training:
         finally:
             held.release()
 
+    # What changes from problem to problem.
+
+    @property
+    def _data(self) -> tuple[Path, ...]:
+        return tuple(map(Path, self.config.data))
+
+    def _described_space(self) -> DescribedSpace | None:
+        """The vocabulary of the domain's scenes, where objects change from problem to problem and are described.
+
+        Raises:
+            InputError: a collection may not be trained on.
+        """
+        config = self.config
+        if not is_described(self.domain, config.problem):
+            if config.data:
+                message = "is for domains whose objects change from problem to problem (that have a problems.toml)"
+                raise OptionError(message, option="data")
+            return None
+        least, most = read_range(config.objects)
+        ProblemMaker(config.domain, least, most, config.seed)
+        space = DescribedSpace.of(self.domain, most)
+        for folder in self._data:
+            shards.check_collection(folder, self.domain, space)
+        return space
+
     # Time.
 
     def _pace(self) -> Pace:
@@ -119,7 +153,12 @@ class Training:
             except ValueError as error:
                 raise InputError(f"{error}; remove it, and the pace is measured anew", file=file) from None
         use_threads(self.config.jobs)
-        measured = pace.measure(self._writer, self._trainer, self.config.jobs, lambda: self._cancelled)
+        if self.config.data:  # nothing is drawn: what there is is taken over, and serves to measure by
+            self._draw(lambda stage: None)
+            there: tuple[Any, Path | None] = None, self.config.out / PICTURES
+        else:
+            there = self._writer, None
+        measured = pace.measure(there[0], self._trainer, self.config.jobs, lambda: self._cancelled, there[1])
         if measured is None:
             raise CancelledError("pace")
         dataset.write_atomically(file, (json.dumps(asdict(measured), indent=2) + "\n").encode())
@@ -143,14 +182,17 @@ class Training:
         """Makes what writes shards of so many moments into a folder."""
         from executive.lab.training import image_shards
 
-        config = self.config
-        return partial(image_shards.ShardWriter, config.domain, config.problem, config.seed, self._whole.size.side)
+        config, side = self.config, self._whole.size.side
+        if self._space is None:
+            return partial(image_shards.ShardWriter, config.domain, config.problem, config.seed, side)
+        return partial(shards.Drawn, config.domain, read_range(config.objects), config.seed, side)
 
     def _draw(self, watch: Watch) -> None:
         from executive.lab.training import image_shards
         from executive.lab.training.optimiser import CancelledError
 
-        folder, wanted = self.config.out / PICTURES, self.preset.shards
+        folder = self.config.out / PICTURES
+        wanted = self._whole.shards if self.config.data else self.preset.shards
         folder.mkdir(exist_ok=True)
         missing = sorted(set(range(wanted)) - set(image_shards.shards(folder)))
         done, began = wanted - len(missing), time.monotonic()
@@ -158,7 +200,13 @@ class Training:
         if not missing:
             return
         config = self.config
-        pool: ProcessPool[int, None] = ProcessPool(partial(self._writer, self.preset.moments, folder), config.jobs)
+        job: Callable[[], pace.Writer]
+        if config.data:
+            side = self._whole.size.side
+            job = partial(shards.Collected, config.domain, read_range(config.objects), self._data, side, folder)
+        else:
+            job = partial(self._writer, self.preset.moments, folder)
+        pool: ProcessPool[int, None] = ProcessPool(job, config.jobs)
         waiting, drawn = iter(missing), 0
         with pool:
             for ended in run_jobs(pool, lambda: next(waiting, None), lambda: self._cancelled):
@@ -188,7 +236,12 @@ class Training:
         questions = self.domain.subject.questions
         wordings = questions.with_name(WORDINGS) if questions is not None else None
         there = wordings if wordings and wordings.is_file() else None
-        return Trainer(self.domain, getattr(self, "preset", self._whole), self.config.seed, there, self._start)
+        preset = getattr(self, "preset", self._whole)
+        if self._space is None:
+            return Trainer(self.domain, preset, self.config.seed, there, self._start)
+        from executive.lab.training.described.trainer import DescribedTrainer
+
+        return DescribedTrainer(self.domain, self._space, preset, self.config.seed, there, self._start)
 
     def _train(self, watch: Watch) -> Path:
         from executive.lab.training import model_card, network, optimiser
@@ -215,7 +268,7 @@ class Training:
         network.save(trainer.model, trainer.tokenizer, preset.size, model)
         parameters = sum(part.numel() for part in trainer.model.parameters())
         start = self._start.resolve().name if self._start is not None else None
-        told = (parameters, self.config.seed, self.config.command, start)
+        told = (parameters, self.config.seed, self.config.command, start, self._space is not None)
         text = model_card.render(self.domain, preset, self.cameras, *told)
         dataset.write_atomically(model / "README.md", text.encode())
         return model
@@ -251,6 +304,11 @@ class Training:
         # Not where they are not asked for, so that trainings from before are continued.
         if self._start is not None:
             described["from"] = {"model": self._start.resolve().name, "weights": warm_start.digest(self._start)}
+        if self._space is not None:
+            described["atoms"], described["objects"] = [], self.config.objects
+            described["values"], described["held_out"] = list(self._space.values), list(self._space.held_out)
+        if self.config.data:
+            described["data"] = [dataset.read_manifest(folder)["collection"] for folder in self._data]
         if self.config.minutes is not None:
             described["minutes"] = self.config.minutes
         told: dict[str, Any] = json.loads(json.dumps(described))

@@ -6,8 +6,12 @@
     [objects]
     soda-can = ["soda can", "can of soda"]
 
-A group such as (on|on top of) stands for one of its parts; groups nest. Without such a file, questions have the wording
-of questions.toml alone, and the trained model cannot be expected to understand another.
+    [values]
+    sphere = ["ball"]
+
+[values] is for domains whose objects are described by attributes: other words for an attribute's value. A group such as
+(on|on top of) stands for one of its parts; groups nest. Without such a file, questions have the wording of
+questions.toml alone, and the trained model cannot be expected to understand another.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from executive.types import Atom, Task
 from executive.util.files import caseless, read_toml
 
 WORDINGS = "wordings.toml"
+TABLES = ("questions", "objects", "values")
 
 _LONGEST = 2_000
 """Characters of a pattern or a name. The time that a pattern takes grows with their square."""
@@ -51,24 +56,26 @@ class Wordings:
             DomainError: the file has a mistake, named with its key.
         """
         # A bracket in questions.toml is literal: a template that has one is no pattern.
-        predicates = {name: [_small(text)] if "(" not in text else [] for name, text in templates.predicates.items()}
+        predicates = {
+            name: [small_placeholders(text)] if "(" not in text else [] for name, text in templates.predicates.items()
+        }
         names = {name: [text] for name, text in templates.names(task).items()}
         if file is not None:
-            tables = _tables(file)
+            tables = read_tables(file)
             for table, target in (("questions", predicates), ("objects", names)):
                 for key, entries in tables.get(table, {}).items():
                     if table == "objects" and key in absent and key not in target:
                         continue
                     if key not in target:
                         raise DomainError(f"unknown key; {nearest(key, target)}", file=file, key=f"{table}.{key}")
-                    target[key] += map(_small, _texts(entries, file, f"{table}.{key}"))
+                    target[key] += map(small_placeholders, read_texts(entries, file, f"{table}.{key}"))
         arity = {atom.predicate: len(atom.args) for atom in task.atoms}
         parameters = {
             name: tuple(task.parameters.get(name, [str(index + 1) for index in range(count)]))
             for name, count in arity.items()
         }
         for predicate, patterns in predicates.items():
-            _check(patterns, parameters[predicate], file, f"questions.{predicate}")
+            check_patterns(patterns, parameters[predicate], file, f"questions.{predicate}")
         official = templates.translate(task).text
         return cls(
             {name: tuple(patterns) for name, patterns in predicates.items()},
@@ -94,17 +101,17 @@ def expand(pattern: str, rng: random.Random) -> str:
     return " ".join(pattern.split())
 
 
-def _tables(file: Path) -> dict[str, dict[str, object]]:
+def read_tables(file: Path) -> dict[str, dict[str, object]]:
     tables = read_toml(file, mistake=DomainError)
     for name, table in tables.items():
-        if name not in ("questions", "objects"):
-            raise DomainError(f"unknown key; {nearest(name, ('questions', 'objects'))}", file=file, key=name)
+        if name not in TABLES:
+            raise DomainError(f"unknown key; {nearest(name, TABLES)}", file=file, key=name)
         if not isinstance(table, dict):
             raise DomainError(f"expected a table, got {table!r}", file=file, key=name)
     return {name: caseless(table, file, name, mistake=DomainError) for name, table in tables.items()}
 
 
-def _texts(entries: object, file: Path, key: str) -> list[str]:
+def read_texts(entries: object, file: Path, key: str) -> list[str]:
     if not isinstance(entries, list) or not all(isinstance(entry, str) and entry.strip() for entry in entries):
         raise DomainError("expected a list of texts, none of them empty", file=file, key=key)
     if (long := max(map(len, entries), default=0)) > _LONGEST:
@@ -112,7 +119,7 @@ def _texts(entries: object, file: Path, key: str) -> list[str]:
     return entries
 
 
-def _check(patterns: Sequence[str], parameters: Sequence[str], file: Path | None, key: str) -> None:
+def check_patterns(patterns: Sequence[str], parameters: Sequence[str], file: Path | None, key: str) -> None:
     known = {*parameters, *(str(index) for index in range(1, len(parameters) + 1))}
     for pattern in patterns:
         try:
@@ -130,7 +137,7 @@ def _check(patterns: Sequence[str], parameters: Sequence[str], file: Path | None
                 raise DomainError(f"{pattern!r} does not name {{{name}}}", file=file, key=key)
 
 
-def _small(pattern: str) -> str:
+def small_placeholders(pattern: str) -> str:
     """The pattern with its placeholders in lower case, as PDDL's parameters are."""
     return re.sub(r"\{[^{}]*\}", lambda place: place[0].lower(), pattern)
 

@@ -149,3 +149,32 @@ def test_nothing_at_all_has_no_score() -> None:
 def test_answers_that_are_none_are_refused(probability: list[list[float]], truth: list[list[bool]], atoms: int) -> None:
     with pytest.raises(ValueError, match=r"match|columns|probability"):
         Answers(tuple(Atom("p", (f"a{n}",)) for n in range(atoms)), np.array(probability), np.array(truth))
+
+
+@given(answers(), st.integers(0, 2**32))
+def test_columns_that_are_other_atoms_in_each_look_come_to_the_same(given_: Answers, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    order = np.argsort(rng.random(given_.truth.shape), axis=1)
+    pad = np.full((given_.looks, 2), -1)
+    mixed = Answers(
+        given_.atoms,
+        np.concatenate([np.take_along_axis(given_.probability, order, 1), np.full(pad.shape, np.nan)], axis=1),
+        np.concatenate([np.take_along_axis(given_.truth, order, 1), np.zeros(pad.shape, np.bool_)], axis=1),
+        np.concatenate([order, pad], axis=1),
+    )
+    assert list(never_true(mixed)) == list(never_true(given_))
+    for one, other in (
+        (scores(mixed), scores(given_)),
+        *((scores(mixed.of(name)), scores(given_.of(name))) for name in given_.predicates),
+    ):
+        for name, value in one.document().items():
+            wanted = other.document()[name]
+            assert value == (None if wanted is None else pytest.approx(wanted)), name
+
+
+@given(answers(), st.integers(0, 2**32))
+def test_answers_apart_make_the_whole(given_: Answers, seed: int) -> None:
+    some = np.random.default_rng(seed).random(given_.truth.shape) < 0.5
+    one, other, whole = scores(given_.only(some)), scores(given_.only(~some)), scores(given_)
+    for counted in ("asked", "positives", "unanswered", "missed", "false_alarms"):
+        assert getattr(one, counted) + getattr(other, counted) == getattr(whole, counted)

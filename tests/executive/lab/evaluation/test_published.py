@@ -113,3 +113,30 @@ def test_a_mistake_is_named(text: str, message: str, tmp_path: Path) -> None:
         published.read(tmp_path)
     assert message in str(told.value)
     assert published.FILE in str(told.value)
+
+
+def test_tables_with_groups_have_a_row_of_ours_for_each() -> None:
+    blocks = published.read(ROOT / "domains" / "blocksworld")
+    assert blocks is not None
+    five, six = blocks.table
+    sizes, modified = ("0.5B", "7B", "72B"), ("", " + Instruct")
+    assert list(five.rows) == [f"{s}{m} (≤ {n})" for s in sizes for m in modified for n in (3, 5, 7, 10)]
+    assert len(six.rows) == 30
+    assert five.rows["72B + Instruct (≤ 10)"] == [0.74, 0.77, 0.80, 0.64, 0.64]
+    assert six.rows["7B (metal only)"] == [0.78, 0.81, 0.82, 0.68, 0.93]
+    here = {"at most 3": OURS, "at most 10": OURS, "rubber-only": OURS}
+    ours = {"eye + Instruct + Pose": {**OURS, "groups": here}, "eye": {**OURS, "groups": here}}
+    made = published.tables(blocks, ours)
+    for table, labels in zip(made, (["≤ 3", "≤ 10"], ["rubber only"]), strict=True):
+        rows = names(table.rows)
+        for name, after in (("eye + Instruct + Pose", "72B + Instruct"), ("eye", "72B")):
+            place = rows.index(f"{name} ({labels[0]})")
+            assert rows[place : place + len(labels)] == [f"{name} ({label})" for label in labels]
+            assert rows[place - 1].startswith(f"{after} (")
+
+
+def test_a_group_is_one_thing(tmp_path: Path) -> None:
+    text = 'source = "x"\ncolumns = ["ap_micro"]\n[[table]]\nname = "T"\nrows = {}\n[table.groups]\na = {}\n'
+    (tmp_path / published.FILE).write_text(text, encoding="utf-8")
+    with pytest.raises(DomainError, match=r"table.groups.'a'.*'most' or 'subset'"):
+        published.read(tmp_path)

@@ -1,0 +1,89 @@
+"""A collection with other objects in each episode is evaluated: each look with questions of its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from executive import cli
+from executive.app.config import EstimatorConfig
+from executive.errors import OptionError
+from executive.lab.config import EvalConfig
+from executive.lab.evaluation import store
+from executive.lab.evaluation.evaluate import Evaluator
+from executive.lab.evaluation.looks import Look
+from executive.lab.training import network, tokenizer
+from executive.lab.training.presets import SMALLEST
+from executive.types import Questions
+from tests.executive.lab import described
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    torch.manual_seed(1)
+    words = tokenizer.make_tokenizer(["is the small red metal cube on top of the large blue sphere"] * 5, 200)
+    folder = tmp_path_factory.mktemp("model") / "tiny-eye"
+    network.save(network.build(SMALLEST, words), words, SMALLEST, folder)
+    return folder
+
+
+def test_every_look_is_asked_about_its_own_objects(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, out = described.write(tmp_path / "data"), tmp_path / "report"
+    command = ["eval", "blocksworld", str(data), "--vlm", str(model), "--no-abstention", "--out", str(out), "--json"]
+    assert cli.exit_code(command) == cli.REACHED
+    document = json.loads(capsys.readouterr().out)
+    each = [len(described.facts_of(names)) for names in described.EPISODES]
+    assert document["asked"] == 2 * sum(each)
+    assert document["unanswered"] == 0
+    assert (document["groups"]["at most 3"]["looks"], document["groups"]["at most 5"]["looks"]) == (2, 4)
+    assert document["groups"]["no-colour-conflict"]["looks"] == 4
+    assert document["groups"]["rubber-only"]["looks"] == 0
+    brown = sum("brown" in name for atom in described.facts_of(described.EPISODES[1]) for name in set(atom.args))
+    assert document["combinations"]["held out"]["asked"] == 2 * brown
+    assert document["combinations"]["seen"]["asked"] == document["asked"] - 2 * brown
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert all(
+        row in page for row in ("72B + Instruct (≤ 3)", "tiny-eye + Instruct + Pose (≤ 3)", "large brown rubber")
+    )
+    # What is kept is read again, and serves beside another one.
+    kept = store.load(out)
+    assert kept.answers.which is not None
+    assert kept.held_out is not None
+    assert store.document(kept)["combinations"] == document["combinations"]
+    assert cli.exit_code([*command[:-3], "--out", str(tmp_path / "other"), "--beside", str(out)]) == cli.REACHED
+
+
+def test_questions_name_the_objects_of_the_episode(model: Path, tmp_path: Path) -> None:
+    data = described.write(tmp_path / "data")
+    shown = Evaluator(EvalConfig("blocksworld", data, eye=EstimatorConfig(vlm=str(model))))._shown
+    shown.show(None)
+    for number, names in enumerate(described.EPISODES):
+        point = shown.point(Look(1, number, 0))
+        asked = shown.questions(point, Questions({}, "", ""))
+        assert asked.text.keys() == described.facts_of(names).keys()
+        assert names[0].replace("-", " ") in " ".join(asked.text.values())
+
+
+def test_such_moments_are_not_drawn_anew(model: Path, tmp_path: Path) -> None:
+    data = described.write(tmp_path / "data")
+    eye = EstimatorConfig(vlm=str(model))
+    with pytest.raises(OptionError, match="lights and cameras"):
+        Evaluator(EvalConfig("blocksworld", data, eye=eye, disturb=("lights",)))
+
+
+def test_the_looks_of_a_group_are_those_it_names(model: Path, tmp_path: Path) -> None:
+    twins = ("small-red-metal-cube", "large-red-metal-cube", "small-blue-metal-sphere")
+    data = described.write(tmp_path / "data", [twins])
+    eye = EstimatorConfig(vlm=str(model))
+    evaluator = Evaluator(EvalConfig("blocksworld", data, eye=eye))
+    assert evaluator._varying is not None
+    evaluator._shown.show(None)
+    groups = evaluator._varying.groups([evaluator._shown.point(Look(1, 0, 0))])
+    true = {name for name, looks in groups.items() if np.asarray(looks).all()}
+    assert true == {"at most 3", "at most 5", "at most 7", "at most 10", "metal-only", "no-colour-size-conflict"}
