@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from executive.domain.loader import load_domain
+from executive.domain.loader import Domain, load_domain
 from executive.domain.pddl import Schema, read_task
 from executive.domain.pddl.random_action import draw_action
 from executive.errors import DomainError, InputError, OptionError, nearest
@@ -115,7 +116,7 @@ class ProblemMaker:
         subset: str | None = None,
         combinations: str = Combinations.ALL,
     ) -> None:
-        loaded = load_domain(domain)
+        loaded, self._where = load_domain(domain), domain
         self._pddl, self._name, self._seed, self._range = loaded.subject.pddl, loaded.task.name, seed, (least, most)
         self._scene = read_scene(loaded.scene)
         self._file = loaded.folder / FILE
@@ -167,6 +168,19 @@ class ProblemMaker:
             if not set(wanted) <= set(init):
                 return Problem(name, objects, self._text(name, objects, init, (), wanted))
         raise DomainError(f"after {_TRIES} tries no goal differs from its start", file=self._file, key="goal")
+
+    @contextmanager
+    def domain(self, number: int) -> Iterator[Domain]:
+        """The domain with the problem of a number; a context manager, as the problem's file is there for its time
+        alone.
+
+        Raises:
+            DomainError: the recipe leads to no such problem.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "problem.pddl"
+            file.write_text(self.problem(number).text, encoding="utf-8")
+            yield load_domain(self._where, str(file))
 
     def _objects(self, rng: np.random.Generator) -> dict[str, str]:
         count = int(rng.integers(self._range[0], self._range[1] + 1))

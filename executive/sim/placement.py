@@ -312,6 +312,11 @@ def random_point(table: Place, inset: float, rng: np.random.Generator) -> FloatA
     return None if (half <= 0).any() else _on(table, local)
 
 
+def random_point_in(region: RegionSpec, table: Place, rng: np.random.Generator) -> FloatArray:
+    """A uniformly random point (2,) of a region of the table."""
+    return _on(table, np.asarray(region.centre) + rng.uniform(-0.5, 0.5, 2) * np.asarray(region.size))
+
+
 def _on(table: Place, local: FloatArray) -> FloatArray:
     """The point (2,) in the world of a point (2,) of a table's top in its own frame."""
     cos, sin = np.cos(table.yaw), np.sin(table.yaw)

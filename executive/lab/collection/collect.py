@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -69,7 +67,7 @@ class Collection:
         self.config = config
         self.domain = load_domain(config.domain, config.problem)
         checked_stage(self.domain)
-        _maker(config)
+        problem_maker(config)
         self._what = _described(config, self.domain)
         self._digest = dataset.digest(self._what)
         self._cancelled = False
@@ -277,7 +275,7 @@ class Player:
 
     def __init__(self, config: CollectConfig, digest: str, cameras: Sequence[str]) -> None:
         self._config, self._digest, self._cameras = config, digest, cameras
-        self._maker = _maker(config)
+        self._maker = problem_maker(config)
         domain = load_domain(config.domain, config.problem)
         self._collector = None if self._maker is not None else self._collect(domain)
 
@@ -310,14 +308,12 @@ class Player:
     def _with_others(self, episode: int) -> Collector:
         """What collects an episode that has objects of its own, and starts as its problem declares."""
         assert self._maker is not None
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "problem.pddl"
-            file.write_text(self._maker.problem(episode + 1).text, encoding="utf-8")
-            domain = load_domain(self._config.domain, str(file))
+        with self._maker.domain(episode + 1) as domain:
             return self._collect(domain, checked_stage(domain))
 
 
-def _maker(config: CollectConfig) -> ProblemMaker | None:
+def problem_maker(config: CollectConfig) -> ProblemMaker | None:
+    """What makes the problems of a collection with other objects in each episode, whose numbers count from 1."""
     if config.objects is None:
         return None
     return ProblemMaker(config.domain, *read_range(config.objects), config.seed, combinations=config.combinations)

@@ -14,8 +14,9 @@ import json
 import shlex
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from executive.belief.action_model import Chances, outcome
 from executive.domain.loader import load_domain
@@ -23,11 +24,18 @@ from executive.domain.pddl import Schema
 from executive.errors import ExecutiveError, InputError
 from executive.lab.collection import dataset
 from executive.lab.collection.dataset import Attempt, Point
+from executive.lab.config import read_range
+from executive.lab.problems import Combinations, ProblemMaker
 from executive.types import Atom, Facts, SkillStatus, Step
 
 
-def measure(folder: Path, schema: Schema) -> Mapping[tuple[str, SkillStatus], Chances]:
+def measure(
+    folder: Path, schema: Schema, of_episode: Callable[[int], Schema] | None = None
+) -> Mapping[tuple[str, SkillStatus], Chances]:
     """How many actions had which outcome, by action and report, in a finished collection of the task.
+
+    Args:
+        of_episode: the task of each episode, where they have objects of their own.
 
     Raises:
         InputError: there is no finished collection, a damaged one, or one of another task.
@@ -40,7 +48,8 @@ def measure(folder: Path, schema: Schema) -> Mapping[tuple[str, SkillStatus], Ch
     counts: dict[tuple[str, SkillStatus], Counter[int]] = {}
     for episode in range(manifest["statistics"]["episodes"]):
         log = dataset.read_log(folder, collection, episode)
-        for attempt, step, before, after in _transitions(log.attempts, points.get(episode, []), schema):
+        own = schema if of_episode is None else of_episode(episode)
+        for attempt, step, before, after in _transitions(log.attempts, points.get(episode, []), own):
             key = (step.action, SkillStatus(attempt.status))
             counts.setdefault(key, Counter())[outcome(step, before, after).index(1)] += 1
     return {key: Chances(count[0], count[1], count[2]) for key, count in sorted(counts.items())}
@@ -77,6 +86,21 @@ def _parsed(action: str, schema: Schema) -> Step:
         raise InputError(f"was collected in another task: {error}") from None
 
 
+def _schemas(domain: str, collection: Mapping[str, Any]) -> Callable[[int], Schema] | None:
+    """The tasks of a collection's episodes, where they have objects of their own."""
+    objects = collection.get("objects")
+    if not objects:
+        return None
+    combinations = collection.get("combinations", Combinations.ALL)
+    maker = ProblemMaker(domain, *read_range(objects), collection["seed"], combinations=combinations)
+
+    def schema(episode: int) -> Schema:
+        with maker.domain(episode + 1) as own:
+            return own.parsed
+
+    return schema
+
+
 def document(counts: Mapping[tuple[str, SkillStatus], Chances], command: str) -> str:
     """The text of a domain's `outcomes.toml`; `command` is what collected the data."""
     lines = [
@@ -99,10 +123,12 @@ def main() -> None:
     arguments = parser.parse_args()
     try:
         schema = load_domain(arguments.domain, arguments.problem).parsed
-        words = shlex.split(dataset.read_manifest(arguments.folder)["command"])
+        manifest = dataset.read_manifest(arguments.folder)
+        words = shlex.split(manifest["command"])
         where = words.index("--out")
         command = shlex.join([*words[:where], *words[where + 2 :], "--out", "data"])
-        print(document(measure(arguments.folder, schema), command), end="")
+        of_episode = _schemas(arguments.domain, manifest["collection"])
+        print(document(measure(arguments.folder, schema, of_episode), command), end="")
     except ExecutiveError as error:
         sys.exit(f"error: {error}")
 

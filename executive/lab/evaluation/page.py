@@ -42,6 +42,7 @@ def page(
         scored=[*_SCORED],
         predicates=_by_predicate(document),
         actions=_by_action(document),
+        apart=_apart(document),
         atoms=_by_atom(document),
         figures=figures,
         mistaken=mistaken,
@@ -127,6 +128,20 @@ def _by_action(document: Mapping[str, Any]) -> list[list[str]]:
     return [
         [names[key], f"{scores['looks']:,}", share(scores["exact_state"]), *_scored(scores)]
         for key, scores in document["looks_by_action"].items()
+    ]
+
+
+def _apart(document: Mapping[str, Any]) -> list[list[str]]:
+    """The looks at so many objects, and those of each subset; and the answers about what training saw and did not."""
+    rows = [
+        [name, f"{scores['looks']:,}", share(scores["exact_state"]), *_scored(scores)]
+        for name, scores in document.get("groups", {}).items()
+        if scores["looks"]
+    ]
+    return rows + [
+        [f"combinations {name}", "", share(scores["exact_state"]), *_scored(scores)]
+        for name, scores in document.get("combinations", {}).items()
+        if scores["asked"]
     ]
 
 

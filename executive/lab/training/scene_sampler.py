@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from executive.domain.loader import Domain
+from executive.relations.kinds import read_relation_kinds
 from executive.sim import placement, scene
 from executive.sim.initial_state import InitialState
 from executive.sim.truth import Truth
@@ -28,6 +29,15 @@ VARIANTS = 4
 _FLOOR = 0.06
 _TIPPED = 0.18
 """The probabilities that an item lies on the floor, and that it was dropped onto a table in any orientation."""
+
+_IN_REGION, _ABSENT, _HIGHEST = 0.7, 0.5, 5
+"""The probabilities that an item is put into a region where the domain speaks of any, and that some items are out of
+sight where items stand on each other; and the most items of a tower."""
+
+_OUT_OF_SIGHT = (6.0, -3.0, 0.1)
+"""m; on the floor behind all cameras."""
+
+_ON, _IN = "directly-on", "in-region"
 
 _KINDS = ("at home", "holding at home", "above", "holding above", "closing", "letting go", "anywhere")
 _SHARES = (0.24, 0.22, 0.13, 0.17, 0.08, 0.06, 0.10)
@@ -65,6 +75,16 @@ class SceneSampler:
             regions=begin.regions,
         )
         self._begin = None if start is None else self.world.snapshot()
+        kinds = read_relation_kinds(domain.relations, domain.task.parameters, domain.files[0])
+        told = [kinds[atom.predicate].about(atom) for atom in domain.task.atoms if kinds[atom.predicate].name == _ON]
+        self._bases = {
+            item: sorted(base for upper, base in told if upper == item and base in self.world.shapes)
+            for item in sorted({upper for upper, base in told if base in self.world.shapes})
+        }
+        used = {
+            kinds[atom.predicate].about(atom)[-1] for atom in domain.task.atoms if kinds[atom.predicate].name == _IN
+        }
+        self._regions = [region for region in self.world.spec.regions if region.name in used]
         self._truth, self._atoms = Truth(self.world, domain.relations, domain.task.parameters), domain.task.atoms
         self._kinematics = Kinematics(self.world.handle)
         self._model, self._data = self.world.model, self.world.data
@@ -110,7 +130,39 @@ class SceneSampler:
         for item in self._rng.permutation(sorted(self.world.shapes)):
             placed[item] = self._spot(str(item), placed, gap, favourite)
             self._put(str(item), placed[item])
+        if self._bases:
+            self._stack(placed)
         self._pass_time(0.5)
+
+    def _stack(self, placed: dict[str, FloatArray]) -> None:
+        """Puts some items on top of others, and at times some out of sight, as those that another problem lacks."""
+        rng, below = self._rng, dict[str, str]()
+        for item in rng.permutation(sorted(self._bases)):
+            open_ = [
+                base
+                for base in self._bases[str(item)]
+                if base not in below.values() and base != item and _is_upright(placed[base])
+            ]
+            if item in below.values() or not open_ or rng.random() < 0.45:
+                continue
+            base = str(rng.choice(open_))
+            tower, at = 1, base
+            while at in below:
+                tower, at = tower + 1, below[at]
+            if tower >= _HIGHEST:
+                continue
+            shape, under = self.world.shapes[str(item)], self.world.shapes[base]
+            top = placed[base][2] + under.centre[2] + under.half[2]
+            spot = placed[base][:2] + rng.normal(0.0, 0.003, 2)
+            placed[str(item)] = placement.standing_at(shape, spot, top, float(rng.uniform(-np.pi, np.pi)))
+            below[str(item)] = base
+            self._put(str(item), placed[str(item)])
+        alone = sorted(set(self.world.shapes) - set(below) - set(below.values()))
+        if rng.random() < _ABSENT:
+            for number, item in enumerate(rng.permutation(alone)[: int(rng.integers(1, max(2, len(alone) + 1)))]):
+                away = np.array([*_OUT_OF_SIGHT, 1.0, 0.0, 0.0, 0.0])
+                away[1] += 0.5 * number
+                self._put(str(item), away)
 
     def _disarrange(self, begin: bytes) -> None:
         """Sets everything up as at the start; at times, what carries nothing then lies somewhere else."""
@@ -144,6 +196,10 @@ class SceneSampler:
                 favourite if favourite is not None and rng.random() < 0.7 else int(rng.integers(len(tables)))
             ]
             spot = placement.random_point(table, 0.6 * radius + 0.005, rng)
+            if self._regions and rng.random() < _IN_REGION:
+                region = self._regions[int(rng.integers(len(self._regions)))]
+                table = next(each for each in tables if each.name == region.table)
+                spot = placement.random_point_in(region, table, rng)
             if spot is None:
                 continue
             if all(
@@ -172,7 +228,8 @@ class SceneSampler:
         if kind == "anywhere":
             q = self._home + rng.normal(0.0, [0.9, 0.3, 0.4, 0.4, 0.3, 1.0])
             return self._stand(q, float(rng.choice([0.0, rng.uniform(0.0, 0.8)], p=[0.7, 0.3])))
-        item = str(rng.choice(sorted(self.world.shapes) if self._begin is None else self._free_items()))
+        towers = self._begin is not None or self._bases
+        item = str(rng.choice(self._free_items() if towers else sorted(self.world.shapes)))
         grasp = self._grasp(item)
         if grasp is None:
             return False
@@ -281,6 +338,10 @@ class SceneSampler:
     def _pass_time(self, seconds: float) -> None:
         for _ in range(max(1, round(seconds / _PERIOD))):
             self.world.advance()
+
+
+def _is_upright(pose: FloatArray) -> bool:
+    return bool(np.abs(pose[4:6]).max() < 1e-6)
 
 
 def _any_orientation(rng: np.random.Generator) -> FloatArray:

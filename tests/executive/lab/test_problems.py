@@ -9,6 +9,7 @@ import pytest
 
 from executive.domain.loader import Domain, load_domain
 from executive.errors import DomainError, InputError, OptionError
+from executive.lab.config import CollectConfig
 from executive.lab.problems import ProblemMaker, write
 from executive.types import Atom
 
@@ -66,6 +67,32 @@ def test_subsets_leave_conflicts_out(subset: str, alike: tuple[int, ...]) -> Non
 def test_a_subset_of_one_material_has_no_other() -> None:
     problems = ProblemMaker("blocksworld", 6, 6, seed=3, subset="metal-only").problems(3)
     assert all("-metal-" in name for problem in problems for name in problem.objects)
+
+
+def test_what_is_held_out_is_in_no_problem_or_in_each() -> None:
+    def odd(name: str) -> bool:
+        _, colour, _, shape = name.split("-")
+        return (colour, shape) in HELD_OUT
+
+    seen, held_out = (
+        ProblemMaker("blocksworld", 3, 5, 3, combinations=each).problems(6) for each in ("seen", "held-out")
+    )
+    assert not any(odd(name) for problem in seen for name in problem.objects)
+    assert all(any(odd(name) for name in problem.objects) for problem in held_out)
+    with pytest.raises(OptionError, match="combinations"):
+        CollectConfig("blocksworld", Path("out"), combinations="seen")
+    with pytest.raises(OptionError, match="did you mean 'seen'"):
+        CollectConfig("blocksworld", Path("out"), objects="3", combinations="sean")
+
+
+HELD_OUT = {
+    ("brown", "cube"),
+    ("cyan", "cube"),
+    ("gray", "cylinder"),
+    ("red", "cylinder"),
+    ("yellow", "sphere"),
+    ("blue", "sphere"),
+}
 
 
 def test_what_cannot_be_made_is_refused(tmp_path: Path) -> None:

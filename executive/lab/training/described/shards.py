@@ -7,9 +7,7 @@ of each pixel, from 1; 0 for none), and the parts of `Scenes`.
 from __future__ import annotations
 
 import io
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,7 +69,7 @@ class Drawn:
             problem += 1
             wanted = min(PER_PROBLEM, self.count - done)
             try:
-                with _with_problem(self.domain, maker.problem(problem).text) as domain:
+                with maker.domain(problem) as domain:
                     parts.append(self._sampled(domain, space, problem, wanted))
             except DomainError:  # no room for these objects
                 failures += 1
@@ -220,15 +218,6 @@ def _write(folder: Path, number: int, parts: Sequence[Arrays]) -> None:
                                                   for name in parts[0]})  # fmt: skip
     except OSError as error:
         raise InputError(f"cannot be written to ({error.strerror})", file=folder) from None
-
-
-@contextmanager
-def _with_problem(domain: str, text: str) -> Iterator[Domain]:
-    """A domain with a problem that is in no file."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "problem.pddl"
-        file.write_text(text, encoding="utf-8")
-        yield load_domain(domain, str(file))
 
 
 def _items(domain: Domain) -> tuple[ItemSpec, ...]:

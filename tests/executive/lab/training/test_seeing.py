@@ -44,6 +44,22 @@ def test_moments_are_many_kinds_of_states(sampler: SceneSampler) -> None:
             assert sum(value for atom, value in moment.facts.items() if atom.args[:1] == (item,)) <= 1
 
 
+def test_where_items_stand_on_each_other_and_in_regions_they_do_in_samples_too() -> None:
+    sampler = SceneSampler(load_domain(ROOT / "domains" / "blocksworld" / "columns", "all-blocks"), [3])
+    moments = [moment for _ in range(8) for moment in sampler.draw()]
+    sampler.close()
+    told = [[atom for atom, value in moment.facts.items() if value] for moment in moments]
+    towers = [sum(atom.predicate == "on" for atom in true) for true in told]
+    assert max(towers) >= 2
+    assert min(towers) <= 1
+    assert len({atom.args[1] for true in told for atom in true if atom.predicate == "incolumn"}) >= 4
+    for true in told:  # a column has what stands on what is in it
+        where = {atom.args[0]: atom.args[1] for atom in true if atom.predicate == "incolumn"}
+        for atom in true:
+            if atom.predicate == "on" and set(atom.args) <= where.keys():
+                assert where[atom.args[0]] == where[atom.args[1]]
+
+
 def test_the_same_seed_draws_the_same_moments() -> None:
     drawn = []
     for _ in range(2):
