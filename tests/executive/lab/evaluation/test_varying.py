@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from executive import cli
 from executive.app.config import EstimatorConfig
 from executive.errors import OptionError
 from executive.lab.config import EvalConfig
+from executive.lab.evaluation import report as reporting
 from executive.lab.evaluation import store
 from executive.lab.evaluation.evaluate import Evaluator
 from executive.lab.evaluation.looks import Look
@@ -20,6 +19,7 @@ from executive.lab.training import network, tokenizer
 from executive.lab.training.presets import SMALLEST
 from executive.types import Questions
 from tests.executive.lab import described
+from tests.executive.lab.inline import Inline
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +31,13 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_every_look_is_asked_about_its_own_objects(
-    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_look_is_asked_about_its_own_objects(model: Path, tmp_path: Path) -> None:
     data, out = described.write(tmp_path / "data"), tmp_path / "report"
-    command = ["eval", "blocksworld", str(data), "--vlm", str(model), "--no-abstention", "--out", str(out), "--json"]
-    assert cli.exit_code(command) == cli.REACHED
-    document = json.loads(capsys.readouterr().out)
+    config = EvalConfig("blocksworld", data, EstimatorConfig(vlm=str(model), abstention=False))
+    with Evaluator(config) as evaluator:
+        evaluation = evaluator.run(Inline(evaluator.looker))
+        assert evaluation is not None
+        document = reporting.write(out, evaluation, evaluator.mistakes.sheet(), (), evaluator.published)
     each = [len(described.facts_of(names)) for names in described.EPISODES]
     assert document["asked"] == 2 * sum(each)
     assert document["unanswered"] == 0
@@ -56,7 +56,7 @@ def test_every_look_is_asked_about_its_own_objects(
     assert kept.answers.which is not None
     assert kept.held_out is not None
     assert store.document(kept)["combinations"] == document["combinations"]
-    assert cli.exit_code([*command[:-3], "--out", str(tmp_path / "other"), "--beside", str(out)]) == cli.REACHED
+    reporting.write(tmp_path / "other", evaluation, (), [kept], evaluator.published)
 
 
 def test_questions_name_the_objects_of_the_episode(model: Path, tmp_path: Path) -> None:
