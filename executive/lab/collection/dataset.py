@@ -266,8 +266,8 @@ class Reader:
         """A point of an episode, counted from 0; None after the last one."""
         names = ["seed", "episode", "step", "action", "time", "joints", "qpos", "atoms", "surprises"]
         again = f"collect it again with: {self.manifest['command']}"
-        names += ["objects"] if self._manifest["collection"].get("objects") else []
-        again = f"collect it again with: {self._manifest['command']}"
+        names += ["objects"] if self.manifest["collection"].get("objects") else []
+        again = f"collect it again with: {self.manifest['command']}"
         try:
             if episode != self._episode:
                 pictures = (f"{IMAGE}{camera}" for camera in self._cameras)
