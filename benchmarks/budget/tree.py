@@ -14,7 +14,8 @@ from pathlib import Path
 
 MEBIBYTE = 1 << 20
 _EVERY = 0.1
-"""Seconds between two looks at the processes."""
+"""Seconds between two looks at the processes. On a very busy machine they become many more, and short peaks are missed:
+memory is to be measured on a quiet one."""
 
 
 @dataclass(frozen=True, slots=True)
