@@ -40,6 +40,7 @@ CONFIGS: list[dict[str, Any]] = [
     {"planner": "fast-downward-opt", "poses": "depth", "film": 2.0, "renderer": "mitsuba"},
     {"world": "symbolic", "no_effect": 0.2, "exogenous": 0.1, "flip": 0.05},
     {"search": "likeliest", "places": Path("places.toml")},
+    {"estimator": "vlm", "poses": "depth", "marks": True, "eye": EstimatorConfig("a folder")},
 ]
 
 
