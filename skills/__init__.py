@@ -34,13 +34,18 @@ from executive.skills.manipulation import (
     take,
     uncover,
 )
+from executive.skills.policy import POLICY_FORMAT, Policy, PolicySkill, Sensed, turned
 from executive.skills.surfaces import Surface
 from executive.skills.towers import carrier, check_stands, tower
 
 __all__ = [
+    "POLICY_FORMAT",
     "ArmSkill",
     "Attempt",
     "Held",
+    "Policy",
+    "PolicySkill",
+    "Sensed",
     "SkillError",
     "Surface",
     "Way",
@@ -70,5 +75,6 @@ __all__ = [
     "table_under",
     "take",
     "tower",
+    "turned",
     "uncover",
 ]

@@ -31,7 +31,7 @@ from executive.skills.arm import Attempt, SkillError, go_home, perform
 from executive.skills.ik import Kinematics
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 
-FORMAT = "executive-policy-1"
+POLICY_FORMAT = "executive-policy-1"
 
 LARGEST = 16_000_000
 """Bytes of a policy's file, at most."""
@@ -128,10 +128,10 @@ class NetworkPolicy:
         """What the file says of itself: the action it was trained for, the period, and how it was made."""
         try:
             found = json.loads(self._content[0]["executive"])
-            if found["format"] != FORMAT or not 0.02 <= float(found["period"]) <= 1.0:
+            if found["format"] != POLICY_FORMAT or not 0.02 <= float(found["period"]) <= 1.0:
                 raise ValueError
         except (KeyError, TypeError, ValueError):
-            raise InputError(f"is no policy of the format {FORMAT}", file=self.file) from None
+            raise InputError(f"is no policy of the format {POLICY_FORMAT}", file=self.file) from None
         return dict(found)
 
     @property

@@ -23,10 +23,8 @@ from safetensors.torch import save_file
 from scipy.spatial.transform import Rotation
 
 from executive import ExecutiveError, InputError
-from executive.lab.collection.dataset import read_demonstrations, read_manifest
-from executive.lab.collection.demonstrations import Demonstration, Sample
-from executive.skills import transforms
-from executive.skills.policy import FORMAT, Sensed, turned
+from executive.export import Demonstration, read_demonstrations
+from executive.skills import POLICY_FORMAT, Sensed, turned
 
 HIDDEN = (128, 128)
 EPOCHS, BATCH, RATE, DECAY = 60, 512, 2e-3, 1e-4
@@ -54,27 +52,35 @@ def moments(demonstration: Demonstration, rng: np.random.Generator) -> Iterator[
         return
     last = max(at for at, sample in enumerate(demonstration.samples) if sample.phase == "lift")
     seen = demonstration.located[0]
-    item = transforms.matrix(seen.pose)
+    item = transform(seen.pose)
     samples = [each for each in demonstration.samples[: last + 1] if each.time >= seen.time]
     for at, (now, then) in enumerate(pairwise(samples)):
-        hand, later = transforms.matrix(now.hand), transforms.matrix(then.hand)
-        scale = HOLDING if closed(now) else 1.0
+        hand, later = transform(now.hand), transform(then.hand)
+        scale = HOLDING if is_closed(now.command) else 1.0
         for copy in range(COPIES + 1):
             off = np.eye(4)
             if copy:
                 off[:3, :3] = Rotation.from_rotvec(rng.normal(0, scale * TURNED, 3)).as_matrix()
                 off[:3, 3] = rng.normal(0, scale * ASIDE, 3)
-            moved = transforms.inverse(hand @ off) @ later
+            moved = np.linalg.inv(hand @ off) @ later
             motion = np.array([*moved[:3, 3], *Rotation.from_matrix(moved[:3, :3]).as_rotvec()])
             sensed = Sensed(hand @ off, now.gripper, float(now.command[-1]))
             soon = samples[min(at + AHEAD, len(samples) - 1)]
             described = turned(item, seen.centre, rng) if copy else item
-            yield Taken(sensed.features(described, seen.half, seen.centre), motion, closed(soon))
+            yield Taken(sensed.features(described, seen.half, seen.centre), motion, is_closed(soon.command))
 
 
-def closed(sample: Sample) -> bool:
+def transform(pose: np.ndarray) -> np.ndarray:
+    """The transform (4, 4) of a pose (7,): m, then quaternion w, x, y, z."""
+    found = np.eye(4)
+    found[:3, :3] = Rotation.from_quat(pose[[4, 5, 6, 3]]).as_matrix()
+    found[:3, 3] = pose[:3]
+    return found
+
+
+def is_closed(command: np.ndarray) -> bool:
     """Whether the fingers are told to close, or are about to be."""
-    return bool(sample.command[-1] > 0.1)
+    return bool(command[-1] > 0.1)
 
 
 def fit(taken: Sequence[Taken], seed: int) -> dict[str, torch.Tensor]:
@@ -128,7 +134,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     try:
-        manifest = read_manifest(arguments.data)
         shown = [each for each in read_demonstrations(arguments.data) if each.name == arguments.action]
         rng = np.random.default_rng(arguments.seed)
         used = [found for each in shown if (found := list(moments(each, rng)))][: arguments.most]
@@ -141,11 +146,11 @@ def main() -> None:
     except ExecutiveError as error:
         sys.exit(f"error: {error}")
     about = {
-        "format": FORMAT,
+        "format": POLICY_FORMAT,
         "action": arguments.action,
         "period": round(float(np.median(times)), 4),
         "demonstrations": len(used),
-        "collected": re.sub(r" --out \S+", "", manifest["command"]),  # wherever that was
+        "collected": re.sub(r" --out \S+", "", json.loads((arguments.data / "dataset.json").read_text())["command"]),
     }
     save_file(tensors, arguments.out, {"executive": json.dumps(about)})
     print(arguments.out)

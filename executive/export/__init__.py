@@ -1,5 +1,5 @@
 """What a run leaves, in the formats of others: MCAP for robot logs, behaviour trees for plans, data sets of
-LeRobot to learn from.
+LeRobot to learn from, demonstrations as values.
 
 Each of them is read by its own side's tools; nothing of Executive is needed there.
 """
@@ -15,10 +15,24 @@ if TYPE_CHECKING:
     from executive.export.lerobot import export_lerobot
     from executive.export.mcap_file import export_mcap
     from executive.export.plans import tree_of_problem, tree_of_run
+    from executive.lab.collection.dataset import read_demonstrations
+    from executive.lab.collection.demonstrations import Demonstration
 
-__all__ = ["btcpp_xml", "export_lerobot", "export_mcap", "monitored_tree", "py_tree", "tree_of_problem", "tree_of_run"]
+__all__ = [
+    "Demonstration",
+    "btcpp_xml",
+    "export_lerobot",
+    "export_mcap",
+    "monitored_tree",
+    "py_tree",
+    "read_demonstrations",
+    "tree_of_problem",
+    "tree_of_run",
+]
 
 _FROM = {
+    "Demonstration": "executive.lab.collection.demonstrations",
+    "read_demonstrations": "executive.lab.collection.dataset",
     "btcpp_xml": "executive.export.btcpp",
     "export_lerobot": "executive.export.lerobot",
     "export_mcap": "executive.export.mcap_file",

@@ -13,7 +13,7 @@ from safetensors.numpy import save_file
 from executive.errors import InputError
 from executive.protocols import Simulator, Skill
 from executive.sim.world import MujocoWorld
-from executive.skills.policy import FORMAT, NetworkPolicy, Policy, PolicySkill
+from executive.skills.policy import POLICY_FORMAT, NetworkPolicy, Policy, PolicySkill
 from executive.types import Facts, SkillStatus, Step
 from tests.executive.sim.stage import grocery
 from tests.skills.test_skills import Robot, _OnTheRobot
@@ -124,7 +124,7 @@ def network(file: Path, change: Callable[[dict[str, np.ndarray], dict[str, objec
         "weight.1": np.ones((7, 4), np.float32),
         "bias.1": np.zeros(7, np.float32),
     }
-    about: dict[str, object] = {"format": FORMAT, "action": "pick", "period": 0.1}
+    about: dict[str, object] = {"format": POLICY_FORMAT, "action": "pick", "period": 0.1}
     change(tensors, about)
     save_file(tensors, file, {"executive": json.dumps(about)})
     return file

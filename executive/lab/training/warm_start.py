@@ -23,7 +23,7 @@ ARCHITECTURE = "fast_vlm"
 
 
 def find(said: str) -> Path:
-    """The folder of the model that is meant: a folder, or the name of one that comes along (grocery-eye, or grocery).
+    """The folder of the model that is meant: a folder, or the domain of one that comes along.
 
     Raises:
         InputError: there is none, or it is no checkpoint.
