@@ -195,7 +195,11 @@ def _evaluate_films(
 def calibrate(
     domain: DomainName,
     evaluations: Annotated[
-        list[Path], typer.Argument(help="Evaluations of one model (see: executive eval), and folders of runs with it.")
+        list[Path],
+        typer.Argument(
+            help="Evaluations of one model (see: executive eval), ours or prediction sets of s3e 0.5; and folders of "
+            "runs with it."
+        ),
     ],
     out: Annotated[
         Path, typer.Option(help="The model's folder, where runs find the file; or a file, for run --calibration.")
@@ -204,6 +208,13 @@ def calibrate(
     places: Annotated[
         bool, typer.Option("--places", help="Learn from runs where things usually are, for run --places.")
     ] = False,
+    platt: Annotated[
+        Path | None, typer.Option(help="Write the correction as a Platt profile of s3e 0.5, too, to this file.")
+    ] = None,
+    sets: Annotated[
+        Path | None,
+        typer.Option("--prediction-sets", help="Write the first evaluation as prediction sets of s3e 0.5, to a folder"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the fit as JSON.")] = False,
 ) -> None:
     """Learn from evaluations and runs how a model errs: for runs with it, and with --alpha."""
@@ -211,8 +222,13 @@ def calibrate(
         _learn_places(domain, evaluations, out, problem, as_json)
         return
     from executive.lab.evaluation import calibrate as calibrating
+    from executive.lab.evaluation import prediction_sets
 
     file, fitted = calibrating.calibrate(domain, evaluations, out, problem)
+    if platt is not None:
+        calibrating.write_profile(file, platt)
+    if sets is not None:
+        prediction_sets.write(sets, calibrating.load_evaluation(evaluations[0]))
     if as_json:
         told = json.loads(file.read_text(encoding="utf-8"))
         print(json.dumps({"file": str(file), "calibration": told, "trust": told}, indent=2))  # trust: until 0.3

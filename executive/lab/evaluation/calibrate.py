@@ -15,11 +15,11 @@ from executive.belief.conformal import Conformal
 from executive.belief.mutex_inference import MutexNetwork
 from executive.domain.loader import Domain, load_domain
 from executive.errors import InputError
-from executive.lab.evaluation import store
+from executive.lab.evaluation import prediction_sets, store
 from executive.lab.evaluation.evaluate import Evaluation
 from executive.lab.evaluation.repeats import Found, combined, in_evaluations, in_record
 from executive.planning.mutex_groups import find_mutexes
-from executive.s3e import calibration, calibration_file
+from executive.s3e import PlattProfile, calibration, calibration_file
 from executive.s3e.reliability import plot_reliability
 from executive.types import Atom, Belief
 
@@ -65,7 +65,7 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
         repeats = {**known.repeats, **combined(found)}
         fitted = SensorFit(known.sensor_model, known.conformal, known.looks, repeats)
         return save(out, loaded.name, fitted), fitted
-    evaluations = [store.load(folder) for folder in evaluated]
+    evaluations = [load_evaluation(folder) for folder in evaluated]
     about, is_corrected = _checked(evaluations, evaluated, loaded, out)
     labelled = _labelled(evaluations, evaluated)
     correction = None
@@ -84,6 +84,28 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
         _add_records(found, runs, loaded.name, fitted)
         fitted = fit(labelled.looks, network, combined(found))
     return save(out, loaded.name, fitted, correction, **about), fitted
+
+
+def load_evaluation(folder: Path) -> Evaluation:
+    """Load an evaluation, ours or as prediction sets of s3e 0.5.
+
+    Raises:
+        InputError: the folder holds neither, or a damaged one.
+    """
+    is_theirs = prediction_sets.is_folder_of_prediction_sets(folder)
+    return prediction_sets.read(folder) if is_theirs else store.load(folder)
+
+
+def write_profile(calibrated: Path, file: Path) -> Path:
+    """Write the correction of a calibration as a Platt profile of s3e 0.5.
+
+    Raises:
+        InputError: it has no correction, or the file cannot be written.
+    """
+    correction = calibration.Calibration.of(calibration_file.read(calibrated), calibrated)
+    if correction is None:
+        raise InputError("has no correction of probabilities, which a Platt profile is", file=calibrated)
+    return PlattProfile.of(correction).write(file)
 
 
 def _checked(

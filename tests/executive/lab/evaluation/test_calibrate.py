@@ -13,11 +13,13 @@ from executive.app.config import CONFIG
 from executive.app.sensor_fit import load
 from executive.cli import BAD_INPUT, exit_code
 from executive.domain.loader import load_domain
-from executive.lab.evaluation import store
+from executive.errors import InputError
+from executive.lab.evaluation import prediction_sets, store
 from executive.lab.evaluation.calibrate import RELIABILITY
 from executive.lab.evaluation.evaluate import Evaluation
 from executive.lab.evaluation.metrics import Answers
 from executive.lab.evaluation.repeats import changed, combined, in_evaluations
+from executive.s3e import AnswerWords, PlattProfile, Prediction, PredictionSet
 from executive.s3e.calibration import Calibration
 from executive.s3e.calibration_file import FILE
 from executive.trace.record.log import EventLog
@@ -182,3 +184,40 @@ def test_corrected_probabilities_are_not_corrected_again(tmp_path: Path) -> None
     assert exit_code(["calibrate", str(TRAY), str(done), "--out", str(tmp_path / "new.json")]) == BAD_INPUT
     other = evaluation(tmp_path / "b", 60, 2)
     assert exit_code(["calibrate", str(TRAY), str(done), str(other), "--out", str(model)]) == BAD_INPUT
+
+
+def test_the_files_of_s3e_say_the_same(tmp_path: Path) -> None:
+    done = evaluation(tmp_path / "a", 60, 1, episodes=8)
+    sets, profile, ours, theirs = (tmp_path / name for name in ("sets", "platt.json", "ours.json", "theirs.json"))
+    options = ["--platt", str(profile), "--prediction-sets", str(sets)]
+    assert exit_code(["calibrate", str(TRAY), str(done), "--out", str(ours), *options]) == 0
+    assert len(list(sets.glob("episode-*.json"))) == 60
+    assert exit_code(["calibrate", str(TRAY), str(sets), "--out", str(theirs)]) == 0
+    one, other, platt = Calibration.load(ours), Calibration.load(theirs), PlattProfile.read(profile)
+    for atom in ATOMS:
+        for probability in (0.1, 0.5, 0.9):
+            assert other(atom, probability) == pytest.approx(one(atom, probability), abs=1e-6)
+            assert platt(atom, probability) == pytest.approx(one(atom, probability), abs=1e-6)
+    assert load(theirs, "tray").looks == 60
+
+
+@pytest.mark.parametrize(
+    ("truth", "key"),
+    [
+        ("[]", None), ("{}", None), ('{"look.json": 3}', "look.json"), ('{"../look.json": []}', "../look.json"),
+        ('{"look.json": ["nowhere(x)"]}', "look.json"),
+    ],
+)  # fmt: skip
+def test_prediction_sets_without_a_proper_truth_are_refused(truth: str, key: str | None, tmp_path: Path) -> None:
+    predictions = {ATOMS[0]: Prediction("", 0.9, 0.1)}
+    PredictionSet(predictions, AnswerWords("yes", "no")).write(tmp_path / "look.json")
+    (tmp_path / "truth.json").write_text(truth)
+    with pytest.raises(InputError) as caught:
+        prediction_sets.read(tmp_path)
+    assert (caught.value.file, caught.value.key) == (tmp_path / "truth.json", key)
+
+
+def test_prediction_sets_are_written_where_nothing_is(tmp_path: Path) -> None:
+    done = evaluation(tmp_path / "a", 4, 1)
+    with pytest.raises(InputError):
+        prediction_sets.write(done, store.load(done))
