@@ -267,7 +267,6 @@ class Reader:
         names = ["seed", "episode", "step", "action", "time", "joints", "qpos", "atoms", "surprises"]
         again = f"collect it again with: {self.manifest['command']}"
         names += ["objects"] if self.manifest["collection"].get("objects") else []
-        again = f"collect it again with: {self.manifest['command']}"
         try:
             if episode != self._episode:
                 pictures = (f"{IMAGE}{camera}" for camera in self._cameras)

@@ -33,6 +33,8 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_look_is_asked_about_its_own_objects(model: Path, tmp_path: Path) -> None:
     data, out = described.write(tmp_path / "data"), tmp_path / "report"
+    for folder in (out, tmp_path / "other"):
+        folder.mkdir()
     config = EvalConfig("blocksworld", data, EstimatorConfig(vlm=str(model), abstention=False))
     with Evaluator(config) as evaluator:
         evaluation = evaluator.run(Inline(evaluator.looker))
