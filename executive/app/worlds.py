@@ -104,7 +104,8 @@ class _Simulated:
 
         domain, config = self._domain, self._config
         skills, moves = {**load_skills(domain), **self._policies}, load_moves(domain)
-        world, truth = _simulator(domain, config, self.faults, first_observation, self._initial)
+        drawn = checked_stage(domain, config.seed) if domain.parsed.oneof else self._initial
+        world, truth = _simulator(domain, config, self.faults, first_observation, drawn)
         too_large = _too_large(domain, world, truth)
         attention = load_attention(domain, world, () if config.eye is None else config.eye.cameras)
         return Stage(world, truth, Oracle(truth), skills, moves, attention, too_large, self._initial.placed)
@@ -244,9 +245,12 @@ def _only_in(world: str, fault: Fault) -> Fault:
     return fault
 
 
-def checked_stage(domain: Domain) -> InitialState:
+def checked_stage(domain: Domain, seed: int | None = None) -> InitialState:
     """Return the problem's initial setting in the domain's scene, after checking that its predicates and :init are
     meaningful there.
+
+    Args:
+        seed: draws which atom of each `(oneof ...)` is so, which the robot is not told; without it, none is set up.
 
     Raises:
         DomainError: they are not.
@@ -259,7 +263,13 @@ def checked_stage(domain: Domain) -> InitialState:
     manifest, problem = domain.files[0], domain.files[2]
     kinds = read_relation_kinds(domain.relations, task.parameters, manifest)
     check_kinds(kinds, task, scene.kinds, manifest)
-    return read_initial_state(domain.parsed.init, kinds, scene, problem)
+    oneof = domain.parsed.oneof
+    declared: dict[Atom, tuple[bool, int]] = dict(domain.parsed.init)
+    if seed is not None and oneof:
+        rng = np.random.default_rng([seed, _START])
+        line = max((line for _, line in declared.values()), default=0)
+        declared |= {atoms[int(rng.integers(len(atoms)))]: (True, line) for atoms in oneof}
+    return read_initial_state(declared, kinds, scene, problem)
 
 
 def _too_large(domain: Domain, world: MujocoWorld, truth: Truth) -> Mapping[Atom, str]:
