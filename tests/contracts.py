@@ -57,6 +57,7 @@ from executive.types import (
     Overruled,
     Payload,
     Phase,
+    PlaceToLook,
     Plan,
     PointCloud,
     PosesEstimated,
@@ -67,6 +68,7 @@ from executive.types import (
     Resumed,
     Revised,
     Scenery,
+    SearchOrder,
     Sense,
     SkillResult,
     SkillStatus,
@@ -443,6 +445,9 @@ EVERY_PAYLOAD: tuple[Payload, ...] = (
         (Overruled(Atom("free"), True, 0.6, False, 0.1),),
         {Atom("held", ("a",)): Remembered(False, 2, 0.05)},
         0.5,
+    ),
+    SearchOrder(
+        (PlaceToLook(Condition.of(_FACTS), 0.6, 2.0, 0.8), PlaceToLook(Condition(), 0.4, 1.0, 1.2)), _FACTS, 12
     ),
     NoPlan(NoPlanReason.TIMED_OUT, "after 30 s", "fake", 30.0),
     Plan((_STEP,), 1.0, "fake", 0.1),

@@ -297,7 +297,7 @@ def test_a_full_hand_does_not_pick() -> None:
 def test_an_action_with_other_parameters_is_the_domains_mistake(skill: Skill, args: tuple[str, ...]) -> None:
     robot = Robot(grocery(seed=20, items=("lemon",)))
     with pytest.raises(
-        InputError, match=r"actions\.move: the skill takes an item and a table, a region or another item, not "
+        InputError, match=r"actions\.move: the skill takes an item and a table, a region, .* or another item, not "
     ):
         skill(Step("move", args), robot._context())
 

@@ -72,9 +72,13 @@ def check(episodes: Iterable[Episode]) -> None:
     Raises:
         InputError: there is none.
     """
-    asked = {(each.place, each.configuration.eye) for each in episodes if each.configuration.kind == "vlm"}
-    for place, estimator in sorted(asked, key=str):
-        with_default_model(estimator or EstimatorConfig(), load_domain(place.where, place.which).subject)
+    asked = {
+        (each.place.where, each.place.which, each.configuration.eye)
+        for each in episodes
+        if each.configuration.kind == "vlm"
+    }
+    for where, which, estimator in sorted(asked, key=str):
+        with_default_model(estimator or EstimatorConfig(), load_domain(where, which).subject)
 
 
 class _Table(BaseModel):

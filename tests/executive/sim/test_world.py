@@ -187,7 +187,7 @@ def test_nobody_puts_an_item_where_the_arm_is(monkeypatch: pytest.MonkeyPatch) -
     drawn = grocery(2)
     before = drawn.obstacles()
     in_the_wrist = np.array([*drawn.data.body("wrist_3_link").xpos, 1.0, 0.0, 0.0, 0.0])
-    monkeypatch.setattr(placement, "free_spot", lambda *_: ("black-table", in_the_wrist))
+    monkeypatch.setattr(placement, "free_spot", lambda *_, **__: ("black-table", in_the_wrist))
     assert "no table has room" in drawn.disturb("shove", np.random.default_rng(0), item="lemon")
     for item in ITEMS:
         assert np.array_equal(drawn.obstacles()[item], before[item])
