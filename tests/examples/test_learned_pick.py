@@ -19,7 +19,7 @@ from tests.conftest import ROOT
 POLICY = ROOT / "examples" / "learned_pick" / "pick.safetensors"
 
 
-@pytest.mark.parametrize("seed", [3, 8])
+@pytest.mark.parametrize("seed", [3, 12])
 def test_a_run_with_the_policy_reaches_its_goal(seed: int, tmp_path: Path) -> None:
     config = RunConfig(
         "grocery",
