@@ -86,6 +86,9 @@ class Run:
     _own: OwnProcess | None = None
     """The model, where this run has opened it."""
 
+    _depth: DepthWitness | None = None
+    """What depth tells, where poses are estimated."""
+
     def __init__(
         self,
         config: RunConfig,
@@ -151,8 +154,11 @@ class Run:
                     self._own.ready()
             with stage("set up the arm and the trace"):
                 self.executive = self._assemble(planner, setting.faults, vlm, sinks, view, log)
-        except BaseException:  # Ctrl-C too: a run that never began leaves no folder
+        except BaseException:  # Ctrl-C too: a run that never began leaves no folder, model or world
             self._close_model()
+            if self._depth is not None:
+                self._depth.close()
+            self.world.close()
             if folder is None:
                 shutil.rmtree(self.folder, ignore_errors=True)
             raise
@@ -226,7 +232,6 @@ class Run:
     ) -> Executive:
         config = self.config
         faults = FaultInjector(injected, self.world, config.seed)
-        self._depth: DepthWitness | None = None
         identical: Sequence[Sequence[str]] = ()
         if config.poses == DEPTH:
             self._depth, identical = self._estimate_poses(faults)

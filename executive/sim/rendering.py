@@ -137,7 +137,7 @@ class Drawing:
         """Have the renderers made and a first picture drawn, for which shaders are compiled, and wait for nothing. What
         fails is raised by the next picture."""
         if cameras:
-            _unclosed().add(self)
+            _close_at_exit(self)
             self._warming = Future()
             _jobs().put((self._warming, partial(self._warm, weakref.ref(self), cameras)))
 
@@ -165,22 +165,25 @@ class Drawing:
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
             self._renderers[height, width] = renderer
             weakref.finalize(self, _there, renderer.close).atexit = False
-            _unclosed().add(self)
+            _close_at_exit(self)
         return renderer
 
 
-@cache
-def _unclosed() -> weakref.WeakSet[Drawing]:
-    """The drawings that are freed at exit, if nobody has closed them. MuJoCo's module for OpenGL ends OpenGL at exit,
-    and what is freed after that says so at length; what is registered after that module was loaded comes before it."""
-    drawings = weakref.WeakSet[Drawing]()
+_unclosed = weakref.WeakSet[Drawing]()
 
-    def close() -> None:
-        for drawing in [*drawings]:
-            drawing.close()
 
-    atexit.register(close)
-    return drawings
+def _close_at_exit(drawing: Drawing) -> None:
+    """Have a drawing freed at exit, if nobody has closed it. MuJoCo's module for OpenGL, which is loaded with the first
+    renderer, ends OpenGL at exit, and what is freed after that says so at length. What is registered last comes first:
+    therefore anew with each renderer."""
+    _unclosed.add(drawing)
+    atexit.unregister(_close_all)
+    atexit.register(_close_all)
+
+
+def _close_all() -> None:
+    for drawing in [*_unclosed]:
+        drawing.close()
 
 
 def _there(work: Callable[[], _T]) -> _T:

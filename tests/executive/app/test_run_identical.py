@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -82,3 +84,15 @@ def test_tags_are_of_estimated_poses_and_for_a_model(options: dict[str, str], tm
     with pytest.raises(OptionError) as caught:
         RunConfig("cans", **{"estimator": "vlm", "poses": "depth", "marks": True, "runs": tmp_path, **options})  # type: ignore[arg-type]  # of several types
     assert caught.value.option == "marks"
+
+
+def test_where_nothing_looks_the_same_there_is_nothing_to_tag(tmp_path: Path) -> None:
+    """And a run that ends before it began leaves nothing behind: no folder, no word of what was not freed."""
+    command = [
+        sys.executable, "-m", "executive", "run", "grocery", "--poses", "depth", "--marks", "--runs", str(tmp_path),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: --marks: ")
+    assert not any(tmp_path.iterdir())
