@@ -190,7 +190,7 @@ class Run:
     def _warm_up(self) -> None:
         """Do what the first look and the first step would do first, while the model loads."""
         if self.config.viewer:
-            import executive.trace.viewer.sink  # noqa: F401
+            import executive.trace.viewer.sink  # noqa: F401 (loaded while the model is)
         parts: tuple[object, ...] = (self.world, *self._stage.skills.values(), *self._stage.moves.values())
         for part in parts:
             if isinstance(part, Warming):

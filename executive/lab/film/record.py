@@ -115,7 +115,7 @@ def film_run(config: RunConfig, film: FilmConfig, folder: Path, tell: Tell = lam
                 "goal_true": summary["goal_true"],
             }
             return _write(folder, film, camera, recording, recorder.shots, show, about, tell)
-    except BaseException:
+    except BaseException:  # Ctrl-C too: half a film is left nowhere
         shutil.rmtree(folder, ignore_errors=True)
         raise
 
@@ -151,7 +151,7 @@ def film_recording(run: Path, film: FilmConfig, tell: Tell = lambda done: None) 
             return _write(
                 film.out, film, camera, recording, shots, lambda frame: drawn.show(frame)[camera], about, tell
             )
-        except BaseException:
+        except BaseException:  # Ctrl-C too: half a film is left nowhere
             shutil.rmtree(film.out, ignore_errors=True)
             raise
 

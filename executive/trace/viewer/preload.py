@@ -12,6 +12,6 @@ def preload() -> None:
 
     def load() -> None:
         with suppress(Exception):
-            import rerun.blueprint  # noqa: F401
+            import rerun.blueprint  # noqa: F401 (loaded for those who import it later)
 
     Thread(target=load, name="preload").start()
