@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from executive.domain.loader import Subject
 from executive.errors import OptionError
 from executive.perception import Localizer, marks
-from executive.protocols import World
 from executive.s3e import S3E, Templates, generic, instruct
-from executive.types import Observation, Scenery, Watched
+from executive.types import Observation
 
 
 def called(subject: Subject, names: Sequence[str]) -> dict[str, str]:
@@ -21,9 +19,9 @@ def called(subject: Subject, names: Sequence[str]) -> dict[str, str]:
     return {name: known[name] for name in names if name in known}
 
 
-def mark(world: World, localizer: Localizer, vlm: S3E, subject: Subject, identical: Sequence[Sequence[str]]) -> World:
-    """Return the world with tags in its pictures, and have the model's prompt say which of the things that look the
-    same has which.
+def marker(localizer: Localizer, vlm: S3E, subject: Subject, identical: Sequence[Sequence[str]]) -> Marker:
+    """Return what draws tags into pictures, and have the model's prompt say which of the things that look the same has
+    which.
 
     Raises:
         OptionError: no two of the items are alike.
@@ -36,48 +34,25 @@ def mark(world: World, localizer: Localizer, vlm: S3E, subject: Subject, identic
         told = ", ".join(f"{texts[name]} has the tag {tag}" for name, tag in marks.tags(texts).items())
         lines.append(f"Things that look the same have tags in the pictures: {told}.")
     vlm.questions = instruct(vlm.questions, "\n".join(lines))
-    return MarkedWorld(world, localizer, subject)
+    return Marker(localizer, subject)
 
 
-class MarkedWorld:
-    """A world whose pictures have tags above the things that look the same, where they are estimated to be.
+class Marker:
+    """Draws tags into pictures, above the things that look the same, where they are estimated to be.
 
     Args:
         subject: the domain, in whose words things are tagged.
     """
 
-    def __init__(self, world: World, localizer: Localizer, subject: Subject) -> None:
-        self._world, self._localizer = world, localizer
+    def __init__(self, localizer: Localizer, subject: Subject) -> None:
+        self._localizer = localizer
         self._tags = {n: tag for names in localizer.identical for n, tag in marks.tags(called(subject, names)).items()}
 
-    @property
-    def time(self) -> float:
-        return self._world.time
-
-    @property
-    def handle(self) -> Any:
-        return self._world.handle
-
-    def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
-        taken = self._world.observe(cause, cameras)
+    def __call__(self, taken: Observation) -> Observation:
         poses, known = self._localizer.now().poses, self._localizer.known.cameras
-        places = {
-            tag: self._localizer.centre(name, poses[name]) for name, tag in self._tags.items() if name in poses
-        }  # fmt: skip
+        places = {tag: self._localizer.centre(name, poses[name]) for name, tag in self._tags.items() if name in poses}
         images = {
             name: marks.drawn(image, known[name], taken.depth.get(name), places) if name in known else image
             for name, image in taken.images.items()
         }
         return replace(taken, images=images)
-
-    def stop(self) -> None:
-        self._world.stop()
-
-    def schedule(self, delay: float, action: Callable[[], None]) -> None:
-        self._world.schedule(delay, action)
-
-    def scenery(self) -> Scenery:
-        return self._world.scenery()
-
-    def watch(self, listener: Callable[[Watched], None] | None) -> None:
-        self._world.watch(listener)

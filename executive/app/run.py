@@ -41,7 +41,7 @@ from executive.faults import (
 )
 from executive.planning.feasible import FeasiblePlanner
 from executive.planning.place_search import ExpectedCostSearch
-from executive.protocols import Planner, Preparing, Recalling, Sink, Warming, World
+from executive.protocols import Planner, Preparing, Recalling, Sink, Warming
 from executive.relations.kinds import RelationKind, read_relation_kinds
 from executive.trace.record import monitor_file
 from executive.trace.record.frames import FrameLog
@@ -55,6 +55,7 @@ from executive.util.profile import stage
 
 if TYPE_CHECKING:
     from executive.app.depth_witness import DepthWitness
+    from executive.app.marks import Marker
     from executive.belief import WitnessModel
     from executive.s3e import S3E, Backend
     from executive.s3e.backends.own_process import OwnProcess
@@ -272,7 +273,7 @@ class Run:
         return make_executive(
             self.domain.task,
             limit_planner(faulty_planner(self._feasible(planner), faults), config.patience),
-            faulty_world(self._observed(vlm, identical), faults),
+            faulty_world(self.world, faults, self._marker(vlm, identical)),
             limit_skills(faulty_skills(skills, faults), config.patience, left=self._seconds_left),
             None
             if estimator is None
@@ -317,15 +318,14 @@ class Run:
         scenes, identical = estimate_poses(self.world, faults, self._stage.placed, self.config.film)
         return DepthWitness(self.world, scenes, self._relation_kinds(), identical, self.config.marks), identical
 
-    def _observed(self, vlm: S3E | None, identical: Sequence[Sequence[str]]) -> World:
-        """Return the world as it is observed: with tags in its pictures, if these are asked for."""
-        world: World = self.world
+    def _marker(self, vlm: S3E | None, identical: Sequence[Sequence[str]]) -> Marker | None:
+        """Return what draws tags into the pictures, if these are asked for."""
         if not self.config.marks:
-            return world
-        from executive.app.marks import mark
+            return None
+        from executive.app.marks import marker
 
         assert vlm is not None  # RunConfig has checked it
-        return mark(world, self.world.localizer, vlm, self.domain.subject, identical)
+        return marker(self.world.localizer, vlm, self.domain.subject, identical)
 
     def _relation_kinds(self) -> Mapping[str, RelationKind]:
         return read_relation_kinds(self.domain.relations, self.domain.task.parameters, self.domain.files[0])

@@ -41,6 +41,7 @@ from executive.types import (
 )
 
 Pixels = TypeVar("Pixels", Image, DepthImage)
+Draw = Callable[[Observation], Observation]
 
 NO_DEPTH = "no-depth"
 """The way in which a camera fails to measure depth, and shows its picture all the same."""
@@ -70,9 +71,13 @@ class MovesCameras(Protocol):
         ...
 
 
-def faulty_world(world: World, faults: FaultInjector) -> World:
-    """A world whose cameras fail as the faults demand."""
-    return _World(world, faults)
+def faulty_world(world: World, faults: FaultInjector, draw: Draw | None = None) -> World:
+    """A world whose cameras fail as the faults demand.
+
+    Args:
+        draw: draws something into the pictures of working cameras.
+    """
+    return _World(world, faults, draw or (lambda observation: observation))
 
 
 def faulty_sensing(world: World, sense: Callable[[], Observation], faults: FaultInjector) -> Callable[[], Observation]:
@@ -98,8 +103,8 @@ def faulty_skills(skills: Mapping[str, Skill], faults: FaultInjector) -> dict[st
 
 
 class _World:
-    def __init__(self, world: World, faults: FaultInjector) -> None:
-        self._world, self._cameras = world, _Cameras(world, faults)
+    def __init__(self, world: World, faults: FaultInjector, draw: Draw) -> None:
+        self._world, self._cameras, self._draw = world, _Cameras(world, faults), draw
 
     @property
     def time(self) -> float:
@@ -110,7 +115,7 @@ class _World:
         return self._world.handle
 
     def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
-        return self._cameras.through(lambda: self._world.observe(cause, cameras))
+        return self._cameras.through(lambda: self._draw(self._world.observe(cause, cameras)))
 
     def stop(self) -> None:
         self._world.stop()
