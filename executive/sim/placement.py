@@ -266,6 +266,16 @@ def _apart_from_fixtures(spec: SceneSpec, place: Place, spot: FloatArray, radius
     return all(each.beside(spot) >= radius + spec.placement.gap for each in spec.covered)
 
 
+def has_room(spec: SceneSpec, shape: ItemShape, place: Place, spot: FloatArray, tipped: bool) -> bool:
+    """Whether an item, upright or lying in any way, is under nothing at a spot (2,) of a place, nor inside a drawer's
+    case or a container's walls."""
+    if tipped and isinstance(place, Floor):
+        return 2.0 * float(np.linalg.norm(shape.half)) <= place.room
+    return _is_low(shape, place) and (
+        isinstance(place, Floor) or all(each.beside(spot) > circle(shape) for each in spec.covered)
+    )
+
+
 def _free_half(spec: SceneSpec, outline: footprint.Outline, table: Place, yaw: float) -> FloatArray:
     """Half the extents (2,) of where on a table, along its axes, the centre of an outline turned by `yaw` may be."""
     return 0.5 * np.asarray(table.size[:2]) - spec.placement.margin - outline.extent(yaw - table.yaw)

@@ -2,7 +2,8 @@
 
 Episodes seldom show the states that a model has to tell apart: an item just above a table and one on it, fingers around
 an item and fingers that hold it, an item on the floor. Here these are as frequent as any others. They are physical all
-the same: items come to rest, fingers close until contact stops them, and the labels are read from the contacts.
+the same: items come to rest, fingers close until contact stops them, and the labels are read from the contacts. What
+the pictures cannot show, such as what is in a closed drawer, is labelled as not true: there is none of it to be seen.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ _IN_REGION, _ABSENT, _HIGHEST = 0.7, 0.5, 5
 """The probabilities that an item is put into a region where the domain speaks of any, and that some items are out of
 sight where items stand on each other; and the most items of a tower."""
 
+_CLOSED, _AJAR = 0.45, 0.1
+"""The probabilities that a drawer is closed, and that it is open no more than partly."""
+
 _OUT_OF_SIGHT = (6.0, -3.0, 0.1)
 """m; on the floor behind all cameras."""
 
@@ -48,7 +52,8 @@ _TOUCH = 0.004
 
 
 class Moment(NamedTuple):
-    """MuJoCo's positions (nq,), the truth of every atom of the task, and the kind of sample that was intended."""
+    """MuJoCo's positions (nq,), whether each atom of the task is true and can be seen, and the kind of sample that was
+    intended."""
 
     qpos: FloatArray
     facts: Facts
@@ -60,7 +65,8 @@ class SceneSampler:
 
     Args:
         seed: fixes all samples.
-        start: what stands on what, and where; without it, items are anywhere on tables and on the floor.
+        start: what stands on what, and where; without it, items are anywhere on tables, in drawers and containers, and on
+            the floor.
     """
 
     def __init__(self, domain: Domain, seed: Sequence[int], start: InitialState | None = None) -> None:
@@ -85,6 +91,7 @@ class SceneSampler:
             kinds[atom.predicate].about(atom)[-1] for atom in domain.task.atoms if kinds[atom.predicate].name == _IN
         }
         self._regions = [region for region in self.world.spec.regions if region.name in used]
+        self._visibility = domain.task.visibility
         self._truth, self._atoms = Truth(self.world, domain.relations, domain.task.parameters), domain.task.atoms
         self._kinematics = Kinematics(self.world.handle)
         self._model, self._data = self.world.model, self.world.data
@@ -110,12 +117,16 @@ class SceneSampler:
             for _ in range(4):
                 self.world.restore(state)
                 if self._pose(str(kind)):
-                    moments.append(Moment(self._data.qpos.copy(), self._truth.of(self._atoms), str(kind)))
+                    moments.append(Moment(self._data.qpos.copy(), self._seen(), str(kind)))
                     break
         return moments
 
     def atoms(self) -> tuple[Atom, ...]:
         return self._atoms
+
+    def _seen(self) -> Facts:
+        facts = self._truth.of(self._atoms)
+        return Facts({**facts, **dict.fromkeys(self._visibility.hidden(facts), False)})
 
     # The items.
 
@@ -124,6 +135,9 @@ class SceneSampler:
         mujoco.mj_resetData(self._model, self._data)
         self._set_arm(self._home)
         self._set_fingers(0.0)
+        for name, drawer in self.world.drawers.specs.items():
+            share = self._rng.choice([0.0, 1.0, self._rng.random()], p=[_CLOSED, 1.0 - _CLOSED - _AJAR, _AJAR])
+            self.world.drawers.slide(name, float(share) * drawer.stroke)
         placed: dict[str, FloatArray] = {}
         gap = float(self._rng.choice([0.0, 0.02, 0.06]))
         favourite = int(self._rng.integers(len(self.world.spec.tables))) if self._rng.random() < 0.3 else None
@@ -185,7 +199,7 @@ class SceneSampler:
         return sorted(set(self.world.shapes) - carrying)
 
     def _spot(self, item: str, others: dict[str, FloatArray], gap: float, favourite: int | None) -> FloatArray:
-        rng, shape, tables = self._rng, self.world.shapes[item], self.world.spec.tables
+        rng, shape, tables = self._rng, self.world.shapes[item], tuple(self.world.places().values())
         tipped, radius = rng.random() < _TIPPED, placement.circle(shape)
         if rng.random() < _FLOOR:
             return self._on_floor(item)
@@ -200,7 +214,7 @@ class SceneSampler:
                 region = self._regions[int(rng.integers(len(self._regions)))]
                 table = next(each for each in tables if each.name == region.table)
                 spot = placement.random_point_in(region, table, rng)
-            if spot is None:
+            if spot is None or not placement.has_room(self.world.spec, shape, table, spot, tipped):
                 continue
             if all(
                 np.hypot(*(pose[:2] - spot)) >= radius + placement.circle(self.world.shapes[other]) + gap
@@ -254,7 +268,7 @@ class SceneSampler:
     def _grasp(self, item: str) -> FloatArray | None:
         """A grasp of an item where it is, with a small random offset."""
         shape, pose = self.world.shapes[item], transforms.matrix(self._item_pose(item))
-        height = min((table.centre[2] for table in self.world.spec.tables), key=lambda z: abs(z - pose[2, 3]))
+        height = min((place.centre[2] for place in self.world.places().values()), key=lambda z: abs(z - pose[2, 3]))
         found = grasps.candidates(pose, shape, height if pose[2, 3] > height - 0.05 else 0.0)
         if not found:
             return None
@@ -264,8 +278,9 @@ class SceneSampler:
         return grasp
 
     def _elsewhere(self, item: str, inside: FloatArray) -> FloatArray:
-        """A pose of the grip point at which the held item is over a table, just above it or higher."""
-        rng, tables = self._rng, self.world.spec.tables
+        """A pose of the grip point at which the held item is over a table, drawer or container, just above it or
+        higher."""
+        rng, tables = self._rng, tuple(self.world.places().values())
         table = tables[int(rng.integers(len(tables)))]
         shape, now = self.world.shapes[item], transforms.matrix(self._item_pose(item))
         turned = transforms.matrix(np.array([0, 0, 0, *_yaw(float(rng.uniform(-np.pi, np.pi)))])) @ now

@@ -15,6 +15,7 @@ from executive.lab.training.label_space import LabelSpace
 from executive.lab.training.network import MEAN, STD
 from executive.lab.training.presets import SMALLEST
 from executive.lab.training.scene_sampler import SceneSampler
+from executive.types import Atom
 from tests.executive.sim.stage import ROOT
 
 TRAY = ROOT / "tests" / "domains" / "tray"
@@ -42,6 +43,23 @@ def test_moments_are_many_kinds_of_states(sampler: SceneSampler) -> None:
         assert sum(value for atom, value in moment.facts.items() if "gripping" in atom.predicate) <= 1
         for item in sampler.world.shapes:
             assert sum(value for atom, value in moment.facts.items() if atom.args[:1] == (item,)) <= 1
+
+
+def test_drawers_are_open_and_closed_and_what_a_closed_one_hides_is_labelled_as_not_seen() -> None:
+    domain = load_domain(ROOT / "domains" / "kitchen")
+    sampler = SceneSampler(domain, [3])
+    moments = [moment for _ in range(25) for moment in sampler.draw()]
+    sampler.close()
+    true = [{atom for atom, value in moment.facts.items() if value} for moment in moments]
+    inside = [atom for facts in true for atom in facts if atom.predicate == "in"]
+    assert len({atom.args[1] for atom in inside}) == 3
+    assert len({atom.args[0] for atom in inside}) >= 3
+    assert 0.4 < sum(atom.predicate == "open" for facts in true for atom in facts) / (3 * len(true)) < 0.7
+    assert any(Atom("on", (item, "tray")) in facts for facts in true for item in sampler.world.shapes)
+    for facts in true:
+        assert all(Atom("open", atom.args[1:]) in facts for atom in facts if atom.predicate == "in")
+    nowhere = [facts for facts in true if not any("can" in atom.args for atom in facts)]
+    assert nowhere, "no closed drawer ever hides anything"
 
 
 def test_where_items_stand_on_each_other_and_in_regions_they_do_in_samples_too() -> None:
