@@ -48,7 +48,7 @@ def test_moments_are_many_kinds_of_states(sampler: SceneSampler) -> None:
 def test_drawers_are_open_and_closed_and_what_a_closed_one_hides_is_labelled_as_not_seen() -> None:
     domain = load_domain(ROOT / "domains" / "kitchen")
     sampler = SceneSampler(domain, [3])
-    moments = [moment for _ in range(25) for moment in sampler.draw()]
+    moments = [moment for _ in range(14) for moment in sampler.draw()]
     sampler.close()
     true = [{atom for atom, value in moment.facts.items() if value} for moment in moments]
     inside = [atom for facts in true for atom in facts if atom.predicate == "in"]
