@@ -65,8 +65,8 @@ class SceneSampler:
 
     Args:
         seed: fixes all samples.
-        start: what stands on what, and where; without it, items are anywhere on tables, in drawers and containers, and on
-            the floor.
+        start: what stands on what, and where; without it, items are anywhere on tables, in drawers and containers, and
+            on the floor.
     """
 
     def __init__(self, domain: Domain, seed: Sequence[int], start: InitialState | None = None) -> None:
