@@ -21,8 +21,9 @@ from typing import TypeAlias
 
 from executive.domain.pddl import Schema
 from executive.planning.goal_order import State, by_goals, replay
+from executive.planning.operator_templates import NoLiteralsError, is_literal
 from executive.planning.programs import SasFile, find_search
-from executive.planning.sas_task import GroundedTask, NoLiteralsError, SasTask, size
+from executive.planning.sas_task import GroundedTask, SasTask, size
 from executive.planning.translation import TranslatedTask, TranslatorError
 from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan, Step
 
@@ -40,8 +41,11 @@ _GAVE_UP = {
 }
 """Exit codes of a search that gave up, and why."""
 
-MOST_GROUNDED = 4_000
-"""Grounded actions that a task may have at most to be grounded in this process."""
+MOST_GROUNDED = 50_000
+"""Grounded actions that a task of literals may have at most to be grounded in this process."""
+
+MOST_WRITTEN_OUT = 4_000
+"""The same for a task of other formulas, each of which has to be written out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +125,8 @@ class FastDownwardPlanner:
         self._program: Path | None = None
         self._grounded: GroundedTask | None = None
         self._translated: TranslatedTask | None = None
-        if not self._rules and size(schema) <= MOST_GROUNDED:
+        literal = all(is_literal(schema, name) for name in schema.actions)
+        if not self._rules and size(schema) <= (MOST_GROUNDED if literal else min(MOST_GROUNDED, MOST_WRITTEN_OUT)):
             self._grounded = GroundedTask(schema)
 
     def warm_up(self) -> None:
@@ -151,8 +156,7 @@ class FastDownwardPlanner:
         true = state.true - self._rules.rules.keys()
         if goal.truth(State(true, self._rules)):
             return Plan((), 0.0, ENGINE, time.perf_counter() - started)
-        order = [atom for atom in self._schema.goals if atom in goal.facts]
-        order += [atom for atom in goal.facts if atom not in self._schema.goals]
+        order = list(dict.fromkeys(atom for atom in (*self._schema.goals, *goal.facts) if atom in goal.facts))
         found = self._found(true, goal, order, avoid, until)
         if isinstance(found, tuple):
             way, steps = found

@@ -12,13 +12,13 @@ that takes less time than to start another. Others are left to Fast Downward's t
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 from executive.domain.pddl import Schema
+from executive.planning.operator_templates import Grounded, OperatorTemplates
 from executive.planning.sas_operators import rule_text
-from executive.types import ALWAYS, Atom, Condition, Facts, Step
+from executive.types import Atom, Condition, Facts, Step
 
 Stop: TypeAlias = "Callable[[], bool]"
 
@@ -127,16 +127,18 @@ class GroundedTask(SasTask):
 
     def __init__(self, schema: Schema) -> None:
         super().__init__()
-        self._steps: list[Step] = []
+        self._schema = schema
+        self._calls: list[tuple[str, tuple[str, ...]]] = []
         self._operators: list[str] = []
-        self._fixed: list[tuple[tuple[Atom, bool], ...]] = []
-        self._makes: dict[Atom, set[bool]] = {}
+        self._fixed: list[tuple[tuple[int, bool], ...]] = []
+        self._changes: list[tuple[int, ...]] = []
+        self._makes: dict[int, set[bool]] = {}
         self.number = {atom: number for number, atom in enumerate(schema.task.atoms)}
         self.variables = [_variable(number) for number in self.number.values()]
-        self._work = self._grounding(schema)
+        self._work = self._grounding(OperatorTemplates(schema, self.number))
 
     def __len__(self) -> int:
-        return len(self._steps)
+        return len(self._calls)
 
     def ground(self, stop: Stop) -> bool:
         """Go on with the grounding until it is done or is to `stop`, which is asked after each action; whether it is
@@ -147,26 +149,24 @@ class GroundedTask(SasTask):
         """
         return not any(stop() for _ in self._work)
 
-    def _grounding(self, schema: Schema) -> Iterator[None]:
-        for name in schema.actions:
-            for args in schema.arguments(name):
-                with contextlib.suppress(ValueError):  # this one contradicts itself
-                    step = schema.ground(name, args)
-                    if step.precondition.choices or any(effect.condition != ALWAYS for effect in step.effects):
-                        raise NoLiteralsError
-                    if any(not step.precondition.facts.entails(effect.facts) for effect in step.effects):
-                        self._steps.append(step)
+    def _grounding(self, templates: OperatorTemplates) -> Iterator[None]:
+        found: list[Grounded] = []
+        for name in self._schema.actions:
+            for each in templates.grounded(name):
+                if each is not None:
+                    found.append(each)
+                    self._calls.append((name, each.args))
                 yield
-        self.costs = schema.has_costs
-        self.scale = scale(step.cost for step in self._steps)
-        for number, step in enumerate(self._steps):
-            self._operators.append(self._operator(number, step))
-            for atom, value in step.unconditional.items():
+        self.costs = self._schema.has_costs
+        self.scale = scale(each.cost for each in found)
+        for number, each in enumerate(found):
+            self._operators.append(self._operator(number, each))
+            self._changes.append(tuple(each.gives))
+            for atom, value in each.gives.items():
                 self._makes.setdefault(atom, set()).add(value)
             yield
-        for step in self._steps:
-            fixed = ((atom, value) for atom, value in step.precondition.facts.items() if atom not in self._makes)
-            self._fixed.append(tuple(fixed))
+        for each in found:
+            self._fixed.append(tuple(need for need in each.needs.items() if need[0] not in self._makes))
             yield
 
     def relevant(
@@ -174,33 +174,33 @@ class GroundedTask(SasTask):
     ) -> tuple[list[str], list[str]]:
         # What no action changes is as it is: an action that needs it otherwise can never be carried out, and one that
         # would make it so changes nothing.
-        lasting = {atom for atom, values in self._makes.items() if values == {atom in true}}
+        so = {self.number[atom] for atom in true if atom in self.number}
+        lasting = {atom for atom, values in self._makes.items() if values == {atom in so}}
+        left_out = {(step.action, step.args) for step in avoid}
         operators = [
             text
-            for step, text, fixed in zip(self._steps, self._operators, self._fixed, strict=True)
-            if all((atom in true) is value for atom, value in fixed)
-            and not (lasting and lasting.issuperset(step.affects))
-            and not (avoid and step in avoid)
+            for call, text, fixed, changes in zip(
+                self._calls, self._operators, self._fixed, self._changes, strict=True
+            )
+            if all((atom in so) is value for atom, value in fixed)
+            and not (lasting and lasting.issuperset(changes))
+            and not (left_out and call in left_out)
         ]
         return operators, []
 
     def step(self, name: str) -> Step:
-        return self._steps[int(name[1:])]
+        return self._schema.ground(*self._calls[int(name[1:])])
 
-    def _operator(self, number: int, step: Step) -> str:
-        needs = {self.number[atom]: 0 if value else 1 for atom, value in step.precondition.facts.items()}
-        gives = {self.number[atom]: 0 if value else 1 for atom, value in step.unconditional.items()}
+    def _operator(self, number: int, each: Grounded) -> str:
+        needs = {atom: 0 if value else 1 for atom, value in each.needs.items()}
+        gives = {atom: 0 if value else 1 for atom, value in each.gives.items()}
         kept = [f"{atom} {value}" for atom, value in needs.items() if gives.get(atom, value) == value]
         changed = [
             f"0 {atom} {needs.get(atom, -1)} {value}" for atom, value in gives.items() if needs.get(atom) != value
         ]
-        cost = round(step.cost * self.scale)
+        cost = round(each.cost * self.scale)
         lines = ["begin_operator", f"s{number}", str(len(kept)), *kept, str(len(changed)), *changed, str(cost)]
         return "\n".join([*lines, "end_operator"])
-
-
-class NoLiteralsError(Exception):
-    """A grounded action needs more than literals, or its effects hang on conditions."""
 
 
 def alternatives(condition: Condition) -> list[Facts]:
