@@ -68,9 +68,7 @@ class OperatorTemplates:
         place = {variable: index for index, (variable, _) in enumerate(action.parameters)}
         parts = list(conjuncts(action.precondition))
         needed = [_pattern(part, place) for part in parts if isinstance(part, Literal)]
-        equal = [
-            (_pick((part.left, part.right), place), part.positive) for part in parts if isinstance(part, Equality)
-        ]
+        equal = [(_pick((part.left, part.right), place), part.positive) for part in parts if isinstance(part, Equality)]
         # What is both deleted and added is true afterwards.
         given = [_pattern(effect.literal, place) for effect in action.effects]
         given.sort(key=lambda each: each.positive)

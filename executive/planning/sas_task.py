@@ -5,7 +5,7 @@ task is grounded once, and a state and a goal become a few lines of a file: a va
 that every state and every goal can be written down, and an operator for each grounded action that can change something
 (the search refuses operators without effects). Which invariants there are need not be known.
 
-`GroundedTask` grounds every action over all objects that fit its types, in this process: for a small task of literals
+`GroundedTask` grounds every action over all objects that fit its types, in this process: for a task of literals
 that takes less time than to start another. Others are left to Fast Downward's translator
 (`executive.planning.translation`).
 """
@@ -179,9 +179,7 @@ class GroundedTask(SasTask):
         left_out = {(step.action, step.args) for step in avoid}
         operators = [
             text
-            for call, text, fixed, changes in zip(
-                self._calls, self._operators, self._fixed, self._changes, strict=True
-            )
+            for call, text, fixed, changes in zip(self._calls, self._operators, self._fixed, self._changes, strict=True)
             if all((atom in so) is value for atom, value in fixed)
             and not (lasting and lasting.issuperset(changes))
             and not (left_out and call in left_out)
