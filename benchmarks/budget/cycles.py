@@ -1,5 +1,5 @@
 """Turns of the whole loop in the symbolic world, with wrong answers and actions that fail: belief, plan, decision and
-events, at a thousand and at ten thousand fluent atoms; and how each part grows with the number of objects."""
+events, at a thousand and at ten thousand fluent atoms."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from typing import Any
 
 from benchmarks.budget.figures import Figure
 from benchmarks.speed.replan import PARCELS
+from executive.domain.pddl import Schema
+from executive.planning.fast_downward import FastDownwardPlanner
+from executive.types import Facts
 
 CITIES, VANS = 8, 2
 """So many, whatever the number of parcels: atoms grow with the objects."""
-
-GROWTH = (10, 30, 100, 300, 1_000)
-"""Numbers of parcels."""
 
 PARTS = ("look", "belief", "plan", "decision", "event")
 _CYCLES = 4
@@ -30,7 +30,7 @@ _CYCLES = 4
 
 def cycles() -> Iterator[Figure]:
     for atoms, former, target in ((1_000, "3.3 s", 0.3), (10_000, "41 s at 4,757", 3.0)):
-        row = _alone(round((atoms - VANS * CITIES) / (CITIES + VANS)))
+        row = measured(round((atoms - VANS * CITIES) / (CITIES + VANS)))
         parts = ", ".join(f"{part} {row[part]:.3f}" for part in PARTS)
         note = f"{row['atoms']:,} atoms, {row['actions']:,} grounded actions; median cycle; CPU s: {parts}"
         played = row["cycles"] > 1
@@ -41,13 +41,8 @@ def cycles() -> Iterator[Figure]:
     yield Figure("memory of that", "", 500.0, row["mebibytes"], "MiB", note="peak of the process, without the planner")
 
 
-def growth(everything: bool = False) -> list[dict[str, Any]]:
-    """Return a row for each number of objects."""
-    return [_alone(parcels) for parcels in GROWTH]
-
-
-def _alone(parcels: int) -> dict[str, Any]:
-    """Measure in a process of its own, for its memory."""
+def measured(parcels: int) -> dict[str, Any]:
+    """Measure a run with so many parcels, in a process of its own, for its memory: seconds and bytes by part."""
     command = [sys.executable, "-m", "benchmarks.budget.cycles", str(parcels)]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     row: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
@@ -61,10 +56,10 @@ class _Clock:
     def __init__(self) -> None:
         self.spent: defaultdict[str, float] = defaultdict(float)
         self._within = ["decision"]
-        self._since = _processor_time()
+        self._since = sum(_processor_times())
 
     def switch(self) -> None:
-        now = _processor_time()
+        now = sum(_processor_times())
         self.spent[self._within[-1]] += now - self._since
         self._since = now
 
@@ -90,7 +85,6 @@ def _measure(parcels: int) -> dict[str, Any]:
     from executive.belief import BayesMonitor
     from executive.core import time_limits
     from executive.core.session import Session
-    from executive.planning.fast_downward import FastDownwardPlanner
     from executive.planning.sas_task import size
     from executive.symbolic.world import SymbolicEstimator
 
@@ -114,17 +108,32 @@ def _measure(parcels: int) -> dict[str, Any]:
             opened = time.perf_counter() - began
             done = run.execute()
             atoms, actions = len(run.domain.task.atoms), size(run.domain.parsed)
+            first, again = _planned(run.domain.parsed)
         written = sum(file.stat().st_size for file in (folder / "runs" / "run").rglob("*") if file.is_file())
     whole = [sum(turn.values()) for turn in turns.spent[1:]]
     parts = {part: statistics.median(turn[part] for turn in turns.spent[1:]) for part in PARTS}
     return {
         "parcels": parcels, "atoms": atoms, "actions": actions, "opened": opened, **parts,
+        "first look": turns.spent[0]["look"], "grounding": first["plan"] - again["plan"],
+        "replan": again["plan"], "search": again["search"],
         "cycle": statistics.median(turns.walls[1:]), "cpu": statistics.median(whole),
         "cycles": done["cycles"],
         "outcome": done["outcome"],
         "bytes": written / max(1, len(turns.spent)),
         "mebibytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }  # fmt: skip
+
+
+def _planned(schema: Schema) -> list[dict[str, float]]:
+    """Seconds of processor time of the first plan of a task and of another one, in our process and in the search's."""
+    planner, state = FastDownwardPlanner(schema, timeout=600.0), Facts.closed(schema.task.declared, schema.task.atoms)
+    taken = []
+    for _ in range(2):
+        before = _processor_times()
+        planner.plan(state, schema.task.goal)
+        own, children = (now - then for now, then in zip(_processor_times(), before, strict=True))
+        taken.append({"plan": own, "search": children})
+    return taken
 
 
 class _Turns:
@@ -166,9 +175,10 @@ def _write(folder: Path, parcels: int) -> None:
     )
 
 
-def _processor_time() -> float:
-    kinds = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return sum(usage.ru_utime + usage.ru_stime for usage in map(resource.getrusage, kinds))
+def _processor_times() -> tuple[float, float]:
+    """Seconds of processor time of this process, and of its children that have ended."""
+    own, children = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return own.ru_utime + own.ru_stime, children.ru_utime + children.ru_stime
 
 
 if __name__ == "__main__":
