@@ -25,7 +25,9 @@ _TILTS = (0.0, 0.3, -0.3, 0.6, -0.6)
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def candidates(item: FloatArray, shape: ItemShape, table_top: float, slack: float = 0.0) -> list[FloatArray]:
+def candidates(
+    item: FloatArray, shape: ItemShape, table_top: float, slack: float = 0.0, widest: float = WIDEST_GRIP
+) -> list[FloatArray]:
     """Grasps of an item, best first.
 
     Args:
@@ -33,6 +35,7 @@ def candidates(item: FloatArray, shape: ItemShape, table_top: float, slack: floa
         shape: its bounding box.
         table_top: height in m of what it stands on.
         slack: how far in m the item may be from there; the fingers leave as much room on either side.
+        widest: what is wider than this, in m, is not between the fingers.
     """
     rotation = item[:3, :3]
     held = shape.gripped_at
@@ -40,7 +43,7 @@ def candidates(item: FloatArray, shape: ItemShape, table_top: float, slack: floa
     result: list[FloatArray] = []
     off_centre: list[FloatArray] = []
     for tilt in _TILTS:
-        for closing in _closing_axes(rotation, shape, slack):
+        for closing in _closing_axes(rotation, shape, widest - 2.0 * slack):
             straight = -(_UP - (_UP @ closing) * closing)
             straight /= np.linalg.norm(straight)
             approach = np.cos(tilt) * straight + np.sin(tilt) * np.cross(closing, straight)
@@ -48,22 +51,29 @@ def candidates(item: FloatArray, shape: ItemShape, table_top: float, slack: floa
             for depth in _DEPTHS:
                 point = centre - max(0.0, above - depth) * approach
                 point[2] = max(point[2], table_top + _LOWEST)
-                along = np.cross(approach, closing)
-                spare = shape.reach(rotation.T @ along) - _PAD
+                along, level = np.cross(approach, closing), np.cross(closing, _UP)
+                level /= np.linalg.norm(level)
+                spare = shape.reach(rotation.T @ level) - _PAD
                 # What has a place to be taken at is taken there alone.
                 shifts = spare > 0.02 and shape.axis != 2 and shape.grip is None
                 for offset in (0.0, spare, -spare) if shifts else (0.0,):
                     for sign in (1.0, -1.0):
                         grasp = np.eye(4)
                         grasp[:3, :3] = np.stack([sign * closing, sign * along, approach], axis=1)
-                        grasp[:3, 3] = point + offset * along
+                        grasp[:3, 3] = point + offset * level
                         (result if offset == 0.0 else off_centre).append(grasp)
                 if above <= depth:
                     break  # a flatter item is gripped at its centre either way
     return [*result, *off_centre]
 
 
-def _closing_axes(rotation: FloatArray, shape: ItemShape, slack: float = 0.0) -> list[FloatArray]:
+def narrowest(item: FloatArray, shape: ItemShape) -> float:
+    """The width in m across which an item at `item` (4, 4) takes the fingers to be least apart."""
+    axes = _closing_axes(item[:3, :3], shape)
+    return min((width_across(item[:3, :3], shape, axis) for axis in axes), default=WIDEST_GRIP)
+
+
+def _closing_axes(rotation: FloatArray, shape: ItemShape, widest: float = WIDEST_GRIP) -> list[FloatArray]:
     """Nearly horizontal directions across which the item is narrow enough, in the world frame."""
     if shape.axis is not None:
         axle = rotation[:, shape.axis]
@@ -75,9 +85,10 @@ def _closing_axes(rotation: FloatArray, shape: ItemShape, slack: float = 0.0) ->
             axes = [across / np.linalg.norm(across)]
     else:
         axes = [rotation[:, index] for index in range(3) if abs(float(rotation[2, index])) < 0.5]
+    return [axis for axis in axes if width_across(rotation, shape, axis) < widest]
+
+
+def width_across(rotation: FloatArray, shape: ItemShape, axis: FloatArray) -> float:
+    """How far apart the fingers are that close on an item along an axis (3,), in m."""
     held = shape.gripped_at
-
-    def widest(axis: FloatArray) -> float:
-        return max(shape.reach_from(held, rotation.T @ way) for way in (axis, -axis))
-
-    return [axis for axis in axes if 2 * (widest(axis) + slack) < WIDEST_GRIP]
+    return 2.0 * max(shape.reach_from(held, rotation.T @ way) for way in (axis, -axis))

@@ -15,12 +15,12 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executive.sim.scene import ItemShape
+from executive.sim.scene import WIDEST_GRIP, ItemShape
 from executive.skills import grasps, surfaces, transforms
 from executive.skills.arm import CARRYING, Attempt, SkillError
 from executive.skills.collision import Held
 from executive.skills.surfaces import Surface
-from executive.types import FloatArray, SkillStatus
+from executive.types import FloatArray, SkillStatus, about_vertical
 
 APPROACH = np.linspace(0.09, 0.0, 7)
 """Distances in m from a grasp through which the hand comes to it in a straight line."""
@@ -36,6 +36,12 @@ RETREAT = np.linspace(0.015, 0.10, 6)
 
 _MOST_GRASPS, _MOST_SPOTS = 8, 6
 """The largest number of grasps, and of spots to put an item down, for which a motion is planned."""
+
+_TIPS, _PAD = 0.018, 0.004
+"""m from the grip point to the tips of the fingers, and how thick the pads are."""
+
+_OFF_WALL = 0.008
+"""m from a wall at which an item is lifted straight up; from nearer it is moved so far off it on the way."""
 
 _DEVIATIONS = 2.0
 """Standard deviations of an estimated position that the open fingers have room for on either side."""
@@ -188,10 +194,15 @@ def reach(
 
 
 def grasps_of(
-    attempt: Attempt, item: str, pose: FloatArray, source: Surface, most: int = 2 * _MOST_GRASPS
+    attempt: Attempt,
+    item: str,
+    pose: FloatArray,
+    source: Surface,
+    most: int = 2 * _MOST_GRASPS,
+    widest: float = WIDEST_GRIP,
 ) -> list[Way]:
     """Returns ways to take an item at `pose` (4, 4) from a surface and lift it, cheapest first: of the first `most`
-    that are found, the best.
+    that are found, the best; `widest` is the width in m that the fingers are around as far as they are open now.
 
     Raises:
         SkillError: UNREACHABLE where there are none.
@@ -199,15 +210,22 @@ def grasps_of(
     shape, height = attempt.handle.shapes[item], float(source.centre[2])
     # Where the fingers open too little for that, it is tried all the same.
     slack = _DEVIATIONS * attempt.spread(item)
-    candidates = grasps.candidates(pose, shape, height, slack) or grasps.candidates(pose, shape, height)
+    candidates = grasps.candidates(pose, shape, height, slack, widest) or grasps.candidates(
+        pose, shape, height, widest=widest
+    )
     if not candidates:
         raise SkillError(SkillStatus.UNREACHABLE, f"{item} is too wide for the gripper as it stands or lies")
     there = transforms.matrix(attempt.obstacles()[item])
     riders = attempt.riders(item)
+    lifts = [_up(LIFT)]
+    if np.any(aside := _off_walls(pose, shape, source)):
+        lifts.append(_up(LIFT) + aside)
     found: list[Way] = []
     for preference, grasp in enumerate(candidates):
         if len(found) >= most:
             break
+        if not _is_between_walls(grasp, grasps.width_across(pose[:3, :3], shape, grasp[:3, 0]), source):
+            continue
         held = Held(item, *_in_frame(grasp, there, riders))
 
         def free(way: Way, held: Held = held) -> bool:
@@ -217,12 +235,32 @@ def grasps_of(
             # An item that leans on this one cannot be avoided; it is moved along a little.
             return is_free(attempt, way.out[2:], held, attempt.arm.collision.beside(way.into[-1]))
 
-        if (way := reach(attempt, grasp, APPROACH[:, None] * -grasp[:3, 2], _up(LIFT), free)) is not None:
+        into = APPROACH[:, None] * -grasp[:3, 2]
+        if (way := next((w for out in lifts if (w := reach(attempt, grasp, into, out, free))), None)) is not None:
             again = attempt.arm.failed_grasps.times(item, pose, grasp)
             found.append(replace(way, cost=way.cost + 0.02 * preference + _AGAIN * again))
     if not found:
         raise SkillError(SkillStatus.UNREACHABLE, f"no grasp of {item} is within reach and free of collisions")
     return sorted(found, key=lambda way: way.cost)[:_MOST_GRASPS]
+
+
+def _is_between_walls(hand: FloatArray, width: float, source: Surface) -> bool:
+    """Whether fingers that close at `hand` (4, 4) on an item of this width, in m, have no wall of the surface between
+    them: open, they may be on both sides of one."""
+    if source.walls is None or hand[2, 3] - _TIPS > source.centre[2] + source.walls:
+        return True
+    pads = [hand[:2, 3] + side * (0.5 * width + _PAD) * hand[:2, 0] for side in (1.0, -1.0)]
+    return all(bool((np.abs(source.local(pad)) <= 0.5 * np.asarray(source.size)).all()) for pad in pads)
+
+
+def _off_walls(pose: FloatArray, shape: ItemShape, source: Surface) -> FloatArray:
+    """How an item at `pose` (4, 4) is moved off the walls that it touches as it is lifted, (3,) in m; 0 where it
+    touches none."""
+    aside, local = np.zeros(3), source.local((pose[:3, 3] + pose[:3, :3] @ shape.centre)[:2])
+    for at, size, axis in zip(local, source.size, about_vertical(source.yaw)[:, :2].T, strict=True):
+        if source.walls is not None and 0.5 * size - abs(at) - shape.reach(pose[:3, :3].T @ axis) < _OFF_WALL:
+            aside -= _OFF_WALL * np.sign(at) * axis
+    return aside
 
 
 def spots_for(attempt: Attempt, held: Held, target: Surface, most: int = _MOST_SPOTS) -> list[Way]:

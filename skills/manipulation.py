@@ -7,8 +7,9 @@ from collections.abc import Callable, Collection
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from executive.sim.scene import ItemShape
 from executive.skills import grasps, surfaces, transforms
-from executive.skills.arm import Attempt, SkillError, go_home, withdraw
+from executive.skills.arm import OPEN_WIDTH, Attempt, SkillError, go_home, withdraw
 from executive.skills.collision import Held
 from executive.skills.library import (
     Way,
@@ -29,7 +30,7 @@ from executive.skills.library import (
     surface,
 )
 from executive.skills.surfaces import Surface
-from executive.types import FloatArray, Sense, SkillStatus
+from executive.types import FloatArray, Sense, SkillStatus, about_vertical
 
 _LOOKS_AGAIN = 2
 """How often an item whose pose is estimated is looked for again when the fingers closed on nothing."""
@@ -38,13 +39,35 @@ _BESIDE = 0.12
 """m between two items within which one can be in the way of the hand that takes the other."""
 
 _NUDGE = 0.06
-"""m by which an item is dragged out of a corner."""
+"""m by which an item is dragged out of a corner or away from a wall."""
+
+_MOST_NUDGES = 4
+"""How often room is made around one item: a corner has two walls."""
+
+_AROUND = 0.012
+"""m by which fingers that are closed as far as an item lets them are wider apart than the item."""
+
+_FINGER_ROOM = 0.05
+"""m between an item and a wall that a finger gets into."""
+
+_LEANS = (0.0, 0.35, 0.7)
+"""rad by which closed fingers lean over what they drag."""
 
 _BEHIND = 0.45
 """How far behind its middle the fingers press on such an item, as a share of half its length."""
 
-_FINGERTIP, _PRESS = 0.018, 0.005
-"""m from the grip point to the tips of closed fingers, and by which these are sent into what they press on."""
+_FINGERTIP = 0.018
+"""m from the grip point to the tips of closed fingers."""
+
+_OVER, _FEELS_FOR = 0.004, 0.010
+"""m above an item's top from which it is felt for, and how far down."""
+
+_TOUCHING, _TOUCHED = 0.05, 0.001
+"""The share of the speed limits at which it is felt for, and m of lag of the hand at which it is felt."""
+
+_PRESS, _ROLLING_PRESS = 0.0015, 0.001
+"""m by which closed fingers are sent into what they drag: some 25 N and 8 N. What rolls takes no more, and more would
+have a drawer slide with it."""
 
 _WAIT, _MOST_WAITS = 0.25, 40
 """Seconds from one look to the next at what was put on another item, and how many there are at most: a box takes some
@@ -98,13 +121,11 @@ def _take(attempt: Attempt, item: str, source: str, home: bool, clears: bool = T
     if attempt.riders(item) and uncover(attempt, item):
         pose = look(attempt, item)
     try:
-        ways = grasps_of(attempt, item, pose, below)
+        ways = _grasps_in(attempt, item, pose, below)
     except SkillError as failure:
         if failure.status is not SkillStatus.UNREACHABLE or not clears:
             raise
-        _clear(attempt, item, source, failure)
-        pose = look(attempt, item)
-        ways = grasps_of(attempt, item, pose, below)
+        pose, ways = _made_room_for(attempt, item, source, failure)
     way = approach(attempt, ways, item)
     try:
         grasp(attempt, way)
@@ -116,6 +137,46 @@ def _take(attempt: Attempt, item: str, source: str, home: bool, clears: bool = T
             attempt.arm.failed_grasps.add(item, pose, way.hand)
         raise
     attempt.arm.failed_grasps.forget(item)
+
+
+def _made_room_for(attempt: Attempt, item: str, source: str, failure: SkillError) -> tuple[FloatArray, list[Way]]:
+    """Moves aside what keeps an item from being taken, or drags the item to where there is room around it; returns its
+    pose (4, 4) and ways to take it.
+
+    Raises:
+        SkillError: what `_clear` raises, or `failure` once it was done `_MOST_NUDGES` times.
+    """
+    for _ in range(_MOST_NUDGES):
+        _clear(attempt, item, source, failure)
+        pose = look(attempt, item)
+        try:
+            return pose, _grasps_in(attempt, item, pose, surface(attempt, source))
+        except SkillError as still:
+            if still.status is not SkillStatus.UNREACHABLE:
+                raise
+            failure = still
+    raise failure
+
+
+def _grasps_in(attempt: Attempt, item: str, pose: FloatArray, below: Surface) -> list[Way]:
+    """What `grasps_of` returns; between walls, where there is no room for open fingers, ways with the fingers closed as
+    far as the item lets them, and they are closed so far.
+
+    Raises:
+        SkillError: UNREACHABLE where there are none.
+    """
+    try:
+        return grasps_of(attempt, item, pose, below)
+    except SkillError as failure:
+        width = grasps.narrowest(pose, attempt.handle.shapes[item]) + 2.0 * attempt.spread(item) + _AROUND
+        if failure.status is not SkillStatus.UNREACHABLE or below.walls is None or width > OPEN_WIDTH:
+            raise
+    attempt.shape_gripper(width)
+    try:
+        return grasps_of(attempt, item, pose, below, widest=width - 0.5 * _AROUND)
+    except SkillError:
+        attempt.open_gripper()
+        raise
 
 
 def check_open(attempt: Attempt, place: str) -> None:
@@ -170,7 +231,7 @@ def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> Non
     near = [name for name, far in away.items() if far - shapes[name].half.max() < _BESIDE + shapes[item].half.max()]
     found = blockers(attempt, near, lambda: grasps_of(attempt, item, pose, below, most=1))
     if not found:
-        if below.is_item or below.walls is not None or not nudge(attempt, item, source):
+        if below.is_item or not nudge(attempt, item, source):
             raise failure
         return
     for blocker in sorted(found, key=away.__getitem__):
@@ -184,37 +245,98 @@ def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> Non
     raise SkillError(SkillStatus.BLOCKED, f"{', '.join(found)} in the way of {item}", blockers=found)
 
 
-def nudge(attempt: Attempt, item: str, table: str) -> bool:
-    """Drags an item that stands in a corner a little towards the middle of its table, by closed fingers that press on
-    its top; returns False, without a motion, where it would tip over or that is out of reach.
+def nudge(attempt: Attempt, item: str, source: str) -> bool:
+    """Drags an item a little away from the walls that it is at, or from a table's corner towards the middle, by closed
+    fingers that press on its top; returns False, without a motion, where that is out of reach, or it would fall over
+    with nothing around it to keep it there.
 
     Raises:
         SkillError: whatever ends the motions.
     """
-    pose, middle, shape = look(attempt, item), surface(attempt, table).centre, attempt.handle.shapes[item]
-    top = Surface.of_item(pose, shape).centre
-    away = (middle - top) * [1.0, 1.0, 0.0]
-    along = away / max(float(np.linalg.norm(away)), 1e-6)
-    half = shape.reach(pose[:3, :3].T @ along)
-    # Pressed on behind its middle, it turns about its front edge only if it is higher than that is far away.
-    if np.linalg.norm(away) < _NUDGE or top[2] - middle[2] > (1.0 + _BEHIND) * half - 0.005:
-        return False
-    down = np.linspace(0.08, 0.0, 5)[:, None] * [0.0, 0.0, 1.0]
-    on = np.arange(0.01, _NUDGE + 0.005, 0.01)[:, None] * along
-    close_fist(attempt)
+    pose, shape, below = look(attempt, item), attempt.handle.shapes[item], surface(attempt, source)
     ways = []
-    for turn in np.linspace(0.0, np.pi, 4, endpoint=False):
-        hand = np.eye(4)
-        hand[:3, :3] = Rotation.from_euler("z", turn).as_matrix() @ np.diag([1.0, -1.0, -1.0])
-        hand[:3, 3] = top - _BEHIND * half * along + [0.0, 0.0, _FINGERTIP - _PRESS]
-        out = np.concatenate([on, on[-1] + down[-2::-1]])
-        way = reach(attempt, hand, down, out, lambda way: is_free(attempt, [*way.into, *way.out], ignored=[item]))
-        ways += [] if way is None else [way]
-    if ways:
-        attempt.phase("nudge", item)
-        attempt.move("nudge", approach(attempt, ways, item).out, speed=0.3)
+    close_fist(attempt)
+    for along, far in _directions(attempt, pose, shape, below):
+        top = Surface.of_item(pose, shape).centre
+        half, rolls = shape.reach(pose[:3, :3].T @ along), _rolls(pose, shape, along)
+        # Pressed on behind its middle, it turns about its front edge only if it is higher than that is far away.
+        if below.walls is None and not rolls and top[2] - below.centre[2] > (1.0 + _BEHIND) * half - 0.005:
+            continue
+        point = top - (0.0 if rolls else _BEHIND) * half * along
+        ways = _presses(attempt, item, point, along, min(_NUDGE, 2.0 * far if rolls else far))
+        if ways:
+            attempt.phase("nudge", item)
+            _drag(attempt, approach(attempt, ways, item), _ROLLING_PRESS if rolls else _PRESS)
+            break
     attempt.open_gripper()
     return bool(ways)
+
+
+def _directions(attempt: Attempt, pose: FloatArray, shape: ItemShape, below: Surface) -> list[tuple[FloatArray, float]]:
+    """In which directions (3,) an item is dragged so that fingers get around it, and how many m it has to go there, the
+    best first: away from walls, and where it rolls before where it slides. What slides into a drawer's case would take
+    the drawer along."""
+    spot = Surface.of_item(pose, shape).centre
+    if below.walls is None:
+        away = (below.centre - spot) * [1.0, 1.0, 0.0]
+        far = float(np.linalg.norm(away))
+        return [] if far < _NUDGE else [(away / far, _NUDGE)]
+    local = below.local(spot[:2])
+    drawer = attempt.handle.drawers.get(below.name)
+    found = []
+    for at, size, axis in zip(local, below.size, about_vertical(below.yaw)[:, :2].T, strict=True):
+        room = 0.5 * size - abs(at) - shape.reach(pose[:3, :3].T @ axis)
+        along = -np.sign(at) * axis
+        slides = not _rolls(pose, shape, along)
+        if room < _FINGER_ROOM and not (slides and drawer is not None and along @ drawer.axis < -0.5):
+            found.append((slides, room, along, min(2.0 * abs(float(at)) + room, _NUDGE)))
+    return [(along, far) for _, _, along, far in sorted(found, key=lambda each: each[:2])]
+
+
+def _rolls(pose: FloatArray, shape: ItemShape, along: FloatArray) -> bool:
+    """Whether an item rolls where its top is dragged, and goes half as far."""
+    if shape.axis is None:
+        return shape.is_ball
+    axle = pose[:3, shape.axis]
+    return abs(float(axle[2])) < 0.5 and abs(float(axle @ along)) < 0.7
+
+
+def _presses(attempt: Attempt, item: str, point: FloatArray, along: FloatArray, far: float) -> list[Way]:
+    """Ways to bring closed fingers to just above a `point` (3,) of an item's top, down onto it, and `far` m `along` an
+    axis (3,). The hand is upright, or leans over what is ahead, where something is behind it."""
+    up = np.array([0.0, 0.0, 1.0])
+    on = np.linspace(0.0, max(far, 0.02), max(3, round(far / 0.01)))[:, None] * along - _FEELS_FOR * up
+    ways = []
+    for lean in _LEANS:
+        tilted = Rotation.from_rotvec(lean * np.cross(up, along)).as_matrix()
+        for turn in np.linspace(0.0, np.pi, 4, endpoint=False):
+            hand = np.eye(4)
+            hand[:3, :3] = tilted @ Rotation.from_euler("z", turn).as_matrix() @ np.diag([1.0, -1.0, -1.0])
+            hand[:3, 3] = point - _FINGERTIP * hand[:3, 2] + _OVER * up
+            into = np.linspace(0.08, 0.0, 5)[:, None] * up
+            way = reach(attempt, hand, into, on, lambda way: is_free(attempt, [*way.into, *way.out], ignored=[item]))
+            ways += [] if way is None else [way]
+        if ways:
+            break
+    return ways
+
+
+def _drag(attempt: Attempt, way: Way, press: float) -> None:
+    """Feels for what is below the closed fingers, which are just above it, presses on it by `press` m and drags it on
+    along the rest of a way; lifts the hand.
+
+    Raises:
+        SkillError: whatever ends the motions.
+    """
+    kinematics, up = attempt.arm.kinematics, np.array([0.0, 0.0, 1.0])
+    attempt.move("touch", way.out[:2], speed=_TOUCHING, yields=_TOUCHED)
+    touched, above = (kinematics.forward(q)[:3, 3] for q in (attempt.body.joints(), way.out[1]))
+    there = [kinematics.forward(q) for q in way.out[1:]]
+    lower = touched - above - press * up
+    there = [transforms.translated(hand, lower) for hand in there]
+    there += [transforms.translated(there[-1], rise * up) for rise in np.linspace(0.02, 0.08, 4)]
+    if (line := kinematics.line(attempt.body.joints(), there)) is not None:
+        attempt.move("nudge", np.array([attempt.body.joints(), *line]), speed=0.3)
 
 
 def uncover(attempt: Attempt, item: str) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from executive.protocols import Skill, SkillContext
 from executive.sim.world import MujocoWorld
@@ -61,6 +62,32 @@ def test_what_is_in_a_drawer_or_on_a_tray_is_not_taken_from_the_worktop_under_it
     assert do(world, pick, "lemon", "worktop").status is SkillStatus.NOT_THERE
     assert do(world, pick, "can", "worktop").status is SkillStatus.NOT_THERE
     assert do(world, pick, "can", LEFT).status is SkillStatus.NOT_THERE
+
+
+@pytest.mark.parametrize(
+    ("item", "turn", "share"),
+    [
+        ("lemon", (0, 0, 90), (-1.0, 0.2)),  # rolled against the front: rolled away from it, the drawer stays open
+        pytest.param("can", (0, 90, 0), (-0.4, -1.0), marks=pytest.mark.slow),  # lies along a side wall
+        ("butter", (90, 0, 0), (-1.0, -1.0)),  # on its edge in a corner of the front, and higher than the side walls
+        pytest.param("salt", (0, 0, 0), (-1.0, -1.0), marks=pytest.mark.slow),  # stands in a corner: it is laid down
+    ],
+)
+def test_what_touches_the_walls_of_a_drawer_is_taken_out(
+    item: str, turn: tuple[int, int, int], share: tuple[float, float]
+) -> None:
+    world = kitchen(items=(item,), placed={item: MIDDLE}, opened={MIDDLE: True})
+    pose = world.pose(item)
+    turned = Rotation.from_euler("xyz", turn, degrees=True)
+    floor, shape, rotation = world.drawers.floors()[MIDDLE], world.shapes[item], turned.as_matrix()
+    extent = np.array([shape.reach(rotation.T @ axis) for axis in np.eye(3)])
+    centre = np.array(floor.centre) + [*(np.array(share) * (0.5 * np.array(floor.size) - extent[:2] - 1e-3)), extent[2]]
+    pose[:3], pose[3:] = centre - rotation @ shape.centre, np.roll(turned.as_quat(), 1)
+    world.put(item, pose)
+    world.settle(0.3)
+    result = do(world, pick, item, MIDDLE)
+    assert (result.status, result.holding) == (SkillStatus.DONE, True), result.reason
+    assert true(world, f"holding({item})", f"in({item},{MIDDLE})", f"open({MIDDLE})") == [True, False, True]
 
 
 def test_a_closed_drawer_gives_and_takes_nothing() -> None:
