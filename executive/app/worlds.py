@@ -134,6 +134,7 @@ class _Symbolic:
                 np.random.default_rng([config.seed, _START]),
                 leaves_open=domain.leaves_open,
                 timeout=config.patience,
+                usual=domain.priors,
             ),
             domain.draw_action,
             config.flip,
@@ -250,11 +251,13 @@ def checked_stage(domain: Domain, seed: int | None = None) -> InitialState:
     meaningful there.
 
     Args:
-        seed: draws which atom of each `(oneof ...)` is so, which the robot is not told; without it, none is set up.
+        seed: draws which atom of each `(oneof ...)` is so, as often as `[priors]` says, and the robot is not told;
+            without it, none is set up.
 
     Raises:
         DomainError: they are not.
     """
+    from executive.planning.initial_state import draw_one
     from executive.relations.kinds import check_kinds, read_relation_kinds
     from executive.sim.initial_state import read_initial_state
     from executive.sim.spec import read_scene
@@ -268,7 +271,7 @@ def checked_stage(domain: Domain, seed: int | None = None) -> InitialState:
     if seed is not None and oneof:
         rng = np.random.default_rng([seed, _START])
         line = max((line for _, line in declared.values()), default=0)
-        declared |= {atoms[int(rng.integers(len(atoms)))]: (True, line) for atoms in oneof}
+        declared |= {draw_one(atoms, domain.priors, rng): (True, line) for atoms in oneof}
     return read_initial_state(declared, kinds, scene, problem)
 
 

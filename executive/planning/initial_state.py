@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
 import numpy as np
 
 from executive.domain.pddl import Schema
@@ -10,7 +13,12 @@ from executive.types import Atom
 
 
 def draw_initial(
-    schema: Schema, rng: np.random.Generator, *, leaves_open: bool = True, timeout: float = 30.0
+    schema: Schema,
+    rng: np.random.Generator,
+    *,
+    leaves_open: bool = True,
+    timeout: float = 30.0,
+    usual: Mapping[Atom, float] = MappingProxyType({}),
 ) -> frozenset[Atom]:
     """Return the atoms that are true at first: what :init says, one atom of each `(oneof ...)`, and with even chances
     each that it calls unknown, as long as that fills no mutex group twice.
@@ -18,6 +26,7 @@ def draw_initial(
     Args:
         leaves_open: whether :init may leave open what it does not name. If so, an atom of each mutex group that has
             none is drawn, too: one that :init calls unknown, where it does so.
+        usual: where things usually are, by which one of each `(oneof ...)` is drawn (see `draw_one`).
         timeout: the wall seconds that finding the mutex groups may take.
 
     Raises:
@@ -34,7 +43,7 @@ def draw_initial(
     for atoms in schema.oneof:
         # With two things that exclude each other, what is left may be fewer; with none left, :init contradicts itself.
         free = [atom for atom in atoms if atom not in full()] or list(atoms)
-        true.add(free[int(rng.integers(len(free)))])
+        true.add(draw_one(free, usual, rng))
     closed = {atom for atoms in schema.oneof for atom in atoms}
     for group in groups if leaves_open else ():
         taken = full() | closed
@@ -46,3 +55,15 @@ def draw_initial(
         if atom not in full() and rng.random() < 0.5:
             true.add(atom)
     return frozenset(true)
+
+
+def draw_one(atoms: Sequence[Atom], usual: Mapping[Atom, float], rng: np.random.Generator) -> Atom:
+    """Draw one of some atoms, each as often as is usual; those of which nothing is said share the rest evenly, and
+    where nothing is said of any, all do."""
+    if usual.keys().isdisjoint(atoms):
+        return atoms[int(rng.integers(len(atoms)))]
+    open_ = sum(atom not in usual for atom in atoms)
+    rest = max(0.0, 1.0 - sum(usual.get(atom, 0.0) for atom in atoms)) / max(1, open_)
+    weights = np.array([usual.get(atom, rest) for atom in atoms])
+    total = float(weights.sum())
+    return atoms[int(rng.choice(len(atoms), p=weights / total if total > 0.0 else None))]

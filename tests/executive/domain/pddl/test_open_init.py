@@ -11,7 +11,7 @@ import pytest
 from executive.domain.loader import load_domain
 from executive.domain.pddl import Schema, read_task
 from executive.errors import DomainError
-from executive.planning.initial_state import draw_initial
+from executive.planning.initial_state import draw_initial, draw_one
 from executive.planning.mutex_groups import find_mutexes
 from executive.planning.state_listing import list_states
 from executive.types import Atom
@@ -91,6 +91,15 @@ def test_one_of_several_is_drawn_and_all_of_them_in_time(tmp_path: Path) -> None
         assert Atom("held", ("x",)) not in true
     again = draw_initial(domain.parsed, np.random.default_rng(0), leaves_open=False)
     assert again == drawn[0]
+
+
+def test_one_of_several_is_drawn_as_often_as_is_usual() -> None:
+    atoms, rng = [at("x", box) for box in "abc"], np.random.default_rng(0)
+    usual = {at("x", "a"): 0.7, at("y", "b"): 1.0}  # what is left of x is shared evenly; y is not in question
+    drawn = [draw_one(atoms, usual, rng) for _ in range(2000)]
+    assert [drawn.count(atom) / 2000 for atom in atoms] == pytest.approx([0.7, 0.15, 0.15], abs=0.03)
+    assert draw_one(atoms[1:], {at("x", "b"): 0.0, at("x", "c"): 1.0}, rng) == at("x", "c")
+    assert draw_one(atoms[:1], {at("x", "a"): 0.0}, rng) == at("x", "a")
 
 
 def test_states_are_not_listed_from_what_is_not_known(tmp_path: Path) -> None:
