@@ -10,11 +10,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import tempfile
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.kept import Kept, Row
 from executive import RunConfig, run
 from executive.app.localizer import estimate_poses
 from executive.faults import FaultInjector
@@ -45,6 +47,9 @@ class Tally:
     highest: list[float] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
+    def __add__(self, other: Tally) -> Tally:
+        return Tally(**{each.name: getattr(self, each.name) + getattr(other, each.name) for each in fields(self)})
+
     def add(self, note: str, world: MujocoWorld, found: PosesEstimated) -> None:
         for name in PLACES:
             pose = found.poses.get(name)
@@ -65,11 +70,17 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=0, help="whole runs, in view and unseen, so many each")
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first scene and run")
     parser.add_argument("--verbose", action="store_true", help="every label that is not trusted at the right place")
+    parser.add_argument("--out", type=Path, help="a file that results are kept in, to go on with later")
     arguments = parser.parse_args()
-    seen, unseen = Tally(), Tally()
-    with contextlib.suppress(KeyboardInterrupt):  # what was measured until then is told
-        for index in range(arguments.scenes):
-            play_scene(arguments.seed + index, seen, unseen)
+    seen, unseen, runs = Tally(), Tally(), dict[str, list[Row]]()
+    with Kept(arguments.out) as kept, contextlib.suppress(KeyboardInterrupt):  # what was measured until then is told
+        for seed in range(arguments.seed, arguments.seed + arguments.scenes):
+            row = kept.of(f"scene, seed {seed}", partial(play_scene, seed))
+            seen, unseen = seen + Tally(**row["seen"]), unseen + Tally(**row["unseen"])
+        for seed in range(arguments.seed, arguments.seed + arguments.runs):
+            for way, film in (("in view", 5.0), ("unseen", 0.0)):
+                row = kept.of(f"run, meddling {way}, seed {seed}", partial(play_run, film, seed))
+                runs.setdefault(way, []).append(row)
     if unseen.highest:
         print(f"{len(unseen.highest)} scenes, three labels each")
         print(f"  filmed at 5 Hz: at the right place {share(seen.right, seen.labels)}, "
@@ -78,13 +89,15 @@ def main() -> None:
               f"trusted {unseen.trusted}, trusted and wrong {unseen.false}")  # fmt: skip
     for note in [*seen.notes, *(unseen.notes if unseen.trusted else [])] if arguments.verbose else []:
         print(f"  {note}")
-    for way, film in (("in view", 5.0), ("unseen", 0.0)):
-        if arguments.runs:
-            play_runs(way, film, range(arguments.seed, arguments.seed + arguments.runs))
+    for way, rows in runs.items():
+        true, claimed, false = (sum(row[name] for row in rows) for name in ("true", "claimed", "false"))
+        print(f"{len(rows)} runs, meddling {way}: goal reached {share(true, len(rows))}, claimed {claimed}, "
+              f"false claims {false}")  # fmt: skip
 
 
-def play_scene(seed: int, seen: Tally, unseen: Tally) -> None:
-    """Film someone who moves cans about, and look away while he swaps two."""
+def play_scene(seed: int) -> Row:
+    """Film someone who moves cans about, and look away while he swaps two; return what was seen of both."""
+    seen, unseen = Tally(), Tally()
     rng = np.random.default_rng([seed, 2])
     objects = {**dict.fromkeys(PLACES, "can"), **dict.fromkeys(PLACES.values(), "table")}
     world = MujocoWorld(SCENE, objects, seed, PLACES, depth=True)
@@ -111,6 +124,7 @@ def play_scene(seed: int, seen: Tally, unseen: Tally) -> None:
     world.close()
     if isinstance(known, KnownScene):
         known.close()
+    return {"seen": asdict(seen), "unseen": asdict(unseen)}
 
 
 def blind(localizer: Localizer, camera: str) -> None:
@@ -124,30 +138,25 @@ def blind(localizer: Localizer, camera: str) -> None:
     localizer.capture = without
 
 
-def play_runs(way: str, film: float, seeds: range) -> None:
-    """Whole runs by the oracle for all that is not about cans, with someone who meddles after one action in three."""
-    claimed = true = false = 0
+def play_run(film: float, seed: int) -> Row:
+    """Play a run by the oracle for all that is not about cans, with someone who meddles after one action in three;
+    return whether the goal was reached, claimed, and claimed without being so."""
     meddling = ("swap:p=0.2,seconds=2", "shove:p=0.15,seconds=2")
-    for seed in seeds:
-        with tempfile.TemporaryDirectory() as folder:
-            summary = run(
-                RunConfig(
-                    "cans",
-                    "one-can",
-                    seed=seed,
-                    estimator="oracle",
-                    faults=meddling,
-                    poses="depth",
-                    film=film,
-                    viewer=False,
-                    runs=Path(folder),
-                )
-            )
-        claimed += summary["goal_seen"]
-        true += summary["goal_true"] is True
-        false += summary["goal_seen"] and not summary["goal_true"]
-    count = len(seeds)
-    print(f"{count} runs, meddling {way}: goal reached {share(true, count)}, claimed {claimed}, false claims {false}")
+    with tempfile.TemporaryDirectory() as folder:
+        config = RunConfig(
+            "cans",
+            "one-can",
+            seed=seed,
+            estimator="oracle",
+            faults=meddling,
+            poses="depth",
+            film=film,
+            viewer=False,
+            runs=Path(folder),
+        )
+        summary = run(config)
+    claimed, true = bool(summary["goal_seen"]), summary["goal_true"] is True
+    return {"true": true, "claimed": claimed, "false": claimed and not true}
 
 
 def share(part: int, of: int) -> str:

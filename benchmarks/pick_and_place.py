@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import argparse
 import collections
-import sys
 import time
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.kept import Kept, Row
 from executive.app.localizer import item_models, open_localizer
 from executive.perception import ItemModel
 from executive.protocols import Skill, SkillContext
@@ -26,6 +27,8 @@ from executive.types import Atom, SkillResult, Step
 
 ITEMS = ("milk-carton", "bread-loaf", "lemon", "soda-can", "cereal-box", "water-bottle")
 TABLES = ("wood-table", "black-table", "white-table")
+SCENE = Path(__file__).parent.parent / "domains" / "grocery" / "scene.toml"
+OBJECTS = {**dict.fromkeys(ITEMS, "item"), **dict.fromkeys(TABLES, "table")}
 MEANING = {"on-table": "on", "robot-gripping": "gripping", "robot-gripper-empty": "gripper-empty"}
 
 
@@ -36,32 +39,21 @@ def main() -> None:
     parser.add_argument("--grasp-noise", type=float, default=0.0)
     parser.add_argument("--poses", choices=("oracle", "depth"), default="oracle")
     parser.add_argument("--items", nargs="*", default=ITEMS)
+    parser.add_argument("--out", type=Path, help="a file that results are kept in, to go on with later")
     arguments = parser.parse_args()
-    scene = Path(__file__).parent.parent / "domains" / "grocery" / "scene.toml"
-    objects = {**dict.fromkeys(ITEMS, "item"), **dict.fromkeys(TABLES, "table")}
     tally: dict[str, collections.Counter[str]] = {item: collections.Counter() for item in arguments.items}
     failures: list[str] = []
-    began, simulated, actions = time.perf_counter(), 0.0, 0
-    known: tuple[KnownScene, list[ItemModel]] | None = None
-    for item in arguments.items:
+    simulated, wall, actions = 0.0, 0.0, 0
+    scene = Scene(arguments.poses == "depth", arguments.grasp_noise)
+    with closing(scene), Kept(arguments.out) as kept:
         for index in range(arguments.scenes):
-            seed = arguments.seed + 1000 * ITEMS.index(item) + index
-            by_depth = arguments.poses == "depth"
-            world = MujocoWorld(scene, objects, seed, grasp_noise=arguments.grasp_noise, depth=by_depth)
-            if by_depth:
-                known = known or (KnownScene(world.spec), item_models(world.spec))
-                world.localizer = open_localizer(world, None, known[1], known[0])
-            with closing(world):
-                results = _carry(world, item, np.random.default_rng(seed))
-            for (result, holds), name in zip(results, ("picked", "placed"), strict=False):
-                tally[item][name] += holds
-                simulated, actions = simulated + result.seconds, actions + 1
-                if not holds:
-                    failures.append(f"seed {seed}: {result.step}: {result.status} {result.reason}")
-        print(f"{item}: {dict(tally[item])}", file=sys.stderr)
-    if known is not None:
-        known[0].close()
-    wall = time.perf_counter() - began
+            for item in arguments.items:
+                seed = arguments.seed + 1000 * ITEMS.index(item) + index
+                name = f"{item}, seed {seed}, by {arguments.poses}, noise {arguments.grasp_noise}"
+                row = kept.of(name, partial(scene.carry, item, seed))
+                tally[item].update(row["held"])
+                simulated, wall, actions = simulated + row["simulated"], wall + row["wall"], actions + row["actions"]
+                failures += row["failures"]
     print(f"{'item':<14}{'scenes':>8}{'picked':>8}{'placed':>8}")
     for item, count in tally.items():
         print(f"{item:<14}{arguments.scenes:>8}{count['picked']:>8}{count['placed']:>8}")
@@ -74,6 +66,41 @@ def main() -> None:
     )
     for line in failures:
         print(line)
+
+
+class Scene:
+    """The grocery scene in which things are carried, with poses that are estimated or the simulator's.
+
+    Args:
+        depth: whether they are estimated.
+        grasp_noise: see `MujocoWorld`.
+    """
+
+    def __init__(self, depth: bool, grasp_noise: float) -> None:
+        self._depth, self._grasp_noise = depth, grasp_noise
+        self._known: tuple[KnownScene, list[ItemModel]] | None = None
+
+    def close(self) -> None:
+        if self._known is not None:
+            self._known[0].close()
+
+    def carry(self, item: str, seed: int) -> Row:
+        """Return what came of carrying an item in the scene of a seed."""
+        began = time.perf_counter()
+        world = MujocoWorld(SCENE, OBJECTS, seed, grasp_noise=self._grasp_noise, depth=self._depth)
+        if self._depth:
+            self._known = self._known or (KnownScene(world.spec), item_models(world.spec))
+            world.localizer = open_localizer(world, None, self._known[1], self._known[0])
+        with closing(world):
+            results = _carry(world, item, np.random.default_rng(seed))
+        named = list(zip(results, ("picked", "placed"), strict=False))
+        return {
+            "held": {name: int(holds) for (_, holds), name in named},
+            "failures": [f"seed {seed}: {r.step}: {r.status} {r.reason}" for r, holds in results if not holds],
+            "simulated": sum(result.seconds for result, _ in results),
+            "actions": len(results),
+            "wall": time.perf_counter() - began,
+        }
 
 
 def _carry(world: MujocoWorld, item: str, rng: np.random.Generator) -> list[tuple[SkillResult, bool]]:

@@ -15,10 +15,12 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.kept import Kept, Row
 from executive.app.depth_witness import DepthWitness
 from executive.app.localizer import item_models, open_localizer
 from executive.app.worlds import load_skills
@@ -46,19 +48,48 @@ def main() -> None:
     parser.add_argument("--moments", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first scene")
     parser.add_argument("--depth", type=int, default=0, help="so many scenes, of the relations on the estimated scene")
+    parser.add_argument("--out", type=Path, help="a file that results are kept in, to go on with later")
     arguments = parser.parse_args()
+    domain = load_domain("grocery")
     if arguments.depth:
-        measure_depth(load_domain("grocery"), arguments.seed, arguments.depth)
+        measure_depth(domain, arguments.seed, arguments.depth)
         return
-    domain, began = load_domain("grocery"), time.monotonic()
-    tally, seed = Tally(domain), arguments.seed
-    while tally.moments < arguments.moments:
-        world = play(domain, seed, tally.compare)
-        tally.flush()
-        world.close()
-        seed += 1
-    tally.report()
-    print(f"seeds {arguments.seed} to {seed - 1}, {time.monotonic() - began:.0f} s")
+    moments, seed = 0, arguments.seed
+    with Kept(arguments.out) as kept:
+        while moments < arguments.moments:
+            moments += kept.of(f"seed {seed}", partial(compare, domain, seed))["moments"]
+            seed += 1
+    report(list(kept.rows.values()), len(domain.task.atoms))
+    seconds = sum(row["seconds"] for row in kept.rows.values())
+    print(f"seeds {arguments.seed} to {seed - 1}, {seconds:.0f} s of processor time")
+
+
+def compare(domain: Domain, seed: int) -> Row:
+    """Return what the moments of a scene came to."""
+    began, tally = time.process_time(), Tally(domain)
+    world = play(domain, seed, tally.compare)
+    row = {
+        "moments": tally.moments,
+        "true": tally.true,
+        "atoms": tally.atoms,
+        "differing": [f"seed {seed} at {line}" for line in tally.differing],
+        "seconds": time.process_time() - began,
+    }
+    world.close()
+    return row
+
+
+def report(rows: list[Row], atoms_of_each: int) -> None:
+    """Print what all scenes came to."""
+    moments = sum(row["moments"] for row in rows)
+    true, wrong = (sum((Counter(row[name]) for row in rows), Counter[str]()) for name in ("true", "atoms"))
+    differing = [line for row in rows for line in row["differing"]]
+    atoms = moments * atoms_of_each
+    for line in differing:
+        print(line)
+    print(f"{moments} moments, {1.0 - len(differing) / moments:.3%} the same in all of {atoms_of_each} atoms")
+    print(f"{atoms} atoms, {1.0 - wrong.total() / atoms:.4%} the same")
+    print(f"true: {dict(true)}; differing: {dict(wrong)}")
 
 
 def play(
@@ -227,18 +258,6 @@ class Tally:
             f"{name} {1e3 * gap:.2f} mm" for name, gap in sorted(away.items(), key=lambda each: each[1])[:3]
         )
         return f"; {item} moves at {speed:.2f} m/s, next to {near}"
-
-    def flush(self) -> None:
-        self._truth = None
-
-    def report(self) -> None:
-        same = 1.0 - len(self.differing) / self.moments
-        atoms = self.moments * len(self.domain.task.atoms)
-        for line in self.differing:
-            print(line)
-        print(f"{self.moments} moments, {same:.3%} the same in all of {len(self.domain.task.atoms)} atoms")
-        print(f"{atoms} atoms, {1.0 - self.atoms.total() / atoms:.4%} the same")
-        print(f"true: {dict(self.true)}; differing: {dict(self.atoms)}")
 
 
 if __name__ == "__main__":
