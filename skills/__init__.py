@@ -7,6 +7,7 @@ ended. What such a function calls stands here: look, reach, approach, grasp, car
 
 from executive.skills.arm import ArmSkill, Attempt, SkillError, go_home, perform
 from executive.skills.collision import Held
+from executive.skills.in_the_way import blockers
 from executive.skills.library import (
     Way,
     approach,
@@ -24,7 +25,6 @@ from executive.skills.library import (
     surface,
 )
 from executive.skills.manipulation import (
-    blockers,
     check_rests,
     move_aside,
     nudge,

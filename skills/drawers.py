@@ -56,8 +56,8 @@ _SLOWLY = 0.25
 def open_(step: Step, context: SkillContext) -> SkillResult:
     """Grasps the handle of a `drawer` and pulls until the end is felt. What stands before it is put aside before.
 
-    It reports BLOCKED when something stands before it and stays there, UNREACHABLE and NO_PATH when the handle cannot
-    be got to, GRASP_MISSED when the fingers close on nothing, JAMMED when the drawer does not move, STOPPED_SHORT when
+    It reports BLOCKED when something stands before it, or in the way of the hand, and stays there, UNREACHABLE and
+    NO_PATH when the handle cannot be got to, GRASP_MISSED when the fingers close on nothing, JAMMED when the drawer does not move, STOPPED_SHORT when
     it moves and not all of the way, SLIPPED when the fingers lose the handle, TIMED_OUT when the arm is blocked.
     """
     return perform(step, context, _open)
@@ -67,8 +67,8 @@ def open_(step: Step, context: SkillContext) -> SkillResult:
 def close(step: Step, context: SkillContext) -> SkillResult:
     """Pushes a `drawer` shut by its handle until the end is felt.
 
-    It reports UNREACHABLE and NO_PATH when the handle cannot be got to, GRASP_MISSED when the gripper holds something,
-    JAMMED when the drawer does not move, STOPPED_SHORT when it moves and not all of the way, SLIPPED when the hand
+    It reports UNREACHABLE, BLOCKED and NO_PATH when the handle cannot be got to, GRASP_MISSED when the gripper holds
+    something, JAMMED when the drawer does not move, STOPPED_SHORT when it moves and not all of the way, SLIPPED when the hand
     meets no end, TIMED_OUT when the arm is blocked.
     """
     return perform(step, context, _close)
@@ -155,7 +155,7 @@ def _to_handle(
     which it slides by `length` m. The fingers close along `closing`.
 
     Raises:
-        SkillError: UNREACHABLE, NO_PATH, or whatever ends the motion.
+        SkillError: UNREACHABLE, BLOCKED, NO_PATH, or whatever ends the motion.
     """
     line = np.linspace(0.0, length, max(2, round(length / _SPACING) + 1))[1:, None] * along
 

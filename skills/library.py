@@ -19,6 +19,7 @@ from executive.sim.scene import WIDEST_GRIP, ItemShape
 from executive.skills import grasps, surfaces, transforms
 from executive.skills.arm import CARRYING, Attempt, SkillError
 from executive.skills.collision import Held
+from executive.skills.in_the_way import no_motion
 from executive.skills.surfaces import Surface
 from executive.types import FloatArray, SkillStatus, about_vertical
 
@@ -311,14 +312,15 @@ def approach(attempt: Attempt, ways: Sequence[Way], what: str) -> Way:
     `what` is for the message.
 
     Raises:
-        SkillError: NO_PATH, or whatever ends the motion.
+        SkillError: BLOCKED where other items are in the way of all motions, NO_PATH where there is none without them
+            either, or whatever ends the motion.
     """
     for way in ways:
         if (path := attempt.plan([way.into[0]])) is not None:
             attempt.move("approach", path, planned=True)
             attempt.move("approach", way.into, speed=0.5)
             return way
-    raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {what}")
+    raise no_motion(attempt, [way.into[0] for way in ways], None, what)
 
 
 def grasp(attempt: Attempt, way: Way) -> None:
@@ -354,7 +356,8 @@ def carry(attempt: Attempt, held: Held, ways: Sequence[Way], what: str) -> Way:
     It goes carefully where something rests on the item. `what` is for the message.
 
     Raises:
-        SkillError: NO_PATH, DROPPED, or whatever ends the motion.
+        SkillError: BLOCKED where other items are in the way of all motions, NO_PATH where there is none without them
+            either, DROPPED, or whatever ends the motion.
     """
     for way in ways:
         if (path := attempt.plan([way.into[0]], held)) is not None:
@@ -363,7 +366,7 @@ def carry(attempt: Attempt, held: Held, ways: Sequence[Way], what: str) -> Way:
             attempt.move("lower", way.into, speed=0.5)
             attempt.check_held()
             return way
-    raise SkillError(SkillStatus.NO_PATH, f"no collision-free motion to {what}")
+    raise no_motion(attempt, [way.into[0] for way in ways], held, what)
 
 
 def release(attempt: Attempt) -> None:

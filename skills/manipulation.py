@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections import Counter
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,6 +11,7 @@ from executive.sim.scene import ItemShape
 from executive.skills import grasps, surfaces, transforms
 from executive.skills.arm import OPEN_WIDTH, Attempt, SkillError, go_home, withdraw
 from executive.skills.collision import Held
+from executive.skills.in_the_way import blockers, works
 from executive.skills.library import (
     Way,
     approach,
@@ -120,13 +121,18 @@ def _take(attempt: Attempt, item: str, source: str, home: bool, clears: bool = T
         raise SkillError(SkillStatus.NOT_THERE, f"{item} is not on {source}")
     if attempt.riders(item) and uncover(attempt, item):
         pose = look(attempt, item)
-    try:
-        ways = _grasps_in(attempt, item, pose, below)
-    except SkillError as failure:
-        if failure.status is not SkillStatus.UNREACHABLE or not clears:
-            raise
-        pose, ways = _made_room_for(attempt, item, source, failure)
-    way = approach(attempt, ways, item)
+    cleared = Counter[str]()
+    while True:
+        try:
+            way = approach(attempt, _grasps_in(attempt, item, pose, below), item)
+            break
+        except SkillError as failure:
+            if failure.status not in (SkillStatus.UNREACHABLE, SkillStatus.BLOCKED) or not clears:
+                raise
+            if failure.status is SkillStatus.BLOCKED:
+                attempt.open_gripper()  # it may have been shaped for the item
+            _clear(attempt, item, source, failure, cleared)
+        pose, below = look(attempt, item), surface(attempt, source)
     try:
         grasp(attempt, way)
         if home:
@@ -137,25 +143,6 @@ def _take(attempt: Attempt, item: str, source: str, home: bool, clears: bool = T
             attempt.arm.failed_grasps.add(item, pose, way.hand)
         raise
     attempt.arm.failed_grasps.forget(item)
-
-
-def _made_room_for(attempt: Attempt, item: str, source: str, failure: SkillError) -> tuple[FloatArray, list[Way]]:
-    """Moves aside what keeps an item from being taken, or drags the item to where there is room around it; returns its
-    pose (4, 4) and ways to take it.
-
-    Raises:
-        SkillError: what `_clear` raises, or `failure` once it was done `_MOST_NUDGES` times.
-    """
-    for _ in range(_MOST_NUDGES):
-        _clear(attempt, item, source, failure)
-        pose = look(attempt, item)
-        try:
-            return pose, _grasps_in(attempt, item, pose, surface(attempt, source))
-        except SkillError as still:
-            if still.status is not SkillStatus.UNREACHABLE:
-                raise
-            failure = still
-    raise failure
 
 
 def _grasps_in(attempt: Attempt, item: str, pose: FloatArray, below: Surface) -> list[Way]:
@@ -216,25 +203,25 @@ def _uncover_from_view(attempt: Attempt, item: str, below: Surface, failure: Ski
     raise SkillError(SkillStatus.BLOCKED, f"{', '.join(stays)} may hide {item}", blockers=tuple(stays))
 
 
-def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> None:
-    """Moves aside what keeps an item from being taken.
+def _clear(attempt: Attempt, item: str, source: str, failure: SkillError, cleared: Counter[str]) -> None:
+    """Moves one thing aside that keeps an item from being taken, or drags the item to where there is room around it;
+    `cleared` counts by name what was moved: others once, the item `_MOST_NUDGES` times.
 
     Raises:
-        SkillError: `failure` where no item beside it is in the way, BLOCKED where one is and stays there.
+        SkillError: `failure` where nothing is known to be in the way, BLOCKED where something is and stays there.
     """
-    pose, below, shapes = look(attempt, item), surface(attempt, source), attempt.handle.shapes
-    away = {
-        name: float(np.linalg.norm(other[:2] - pose[:2, 3]))
-        for name, other in attempt.obstacles().items()
-        if name not in (item, source, *attempt.handle.unknown)
-    }
-    near = [name for name, far in away.items() if far - shapes[name].half.max() < _BESIDE + shapes[item].half.max()]
-    found = blockers(attempt, near, lambda: grasps_of(attempt, item, pose, below, most=1))
+    found = failure.blockers or _beside(attempt, item, source)
     if not found:
-        if below.is_item or not nudge(attempt, item, source):
+        is_item = surface(attempt, source).is_item
+        if is_item or cleared[item] == _MOST_NUDGES or not nudge(attempt, item, source):
             raise failure
+        cleared[item] += 1
         return
-    for blocker in sorted(found, key=away.__getitem__):
+    poses, at = attempt.obstacles(), look(attempt, item)[:2, 3]
+    for blocker in sorted(found, key=lambda name: float(np.linalg.norm(poses[name][:2] - at))):
+        if cleared[blocker]:
+            continue
+        cleared[blocker] += 1
         try:
             move_aside(attempt, blocker)
         except SkillError as stays:
@@ -243,6 +230,18 @@ def _clear(attempt: Attempt, item: str, source: str, failure: SkillError) -> Non
         else:
             return
     raise SkillError(SkillStatus.BLOCKED, f"{', '.join(found)} in the way of {item}", blockers=found)
+
+
+def _beside(attempt: Attempt, item: str, source: str) -> tuple[str, ...]:
+    """The items beside another one that are in the way of the hand that takes it."""
+    pose, below, shapes = look(attempt, item), surface(attempt, source), attempt.handle.shapes
+    away = {
+        name: float(np.linalg.norm(other[:2] - pose[:2, 3]))
+        for name, other in attempt.obstacles().items()
+        if name not in (item, source, *attempt.handle.unknown)
+    }
+    near = [name for name, far in away.items() if far - shapes[name].half.max() < _BESIDE + shapes[item].half.max()]
+    return blockers(attempt, sorted(near, key=away.__getitem__), lambda: grasps_of(attempt, item, pose, below, most=1))
 
 
 def nudge(attempt: Attempt, item: str, source: str) -> bool:
@@ -384,8 +383,8 @@ def put(attempt: Attempt, item: str, target: str) -> None:
 
     Raises:
         SkillError: NOT_THERE when the hand does not hold it, CLOSED when the target is a drawer that is, DOES_NOT_FIT
-            when it is larger than the table as it is held, BLOCKED when other items leave no room, UNREACHABLE when no
-            spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips out on the way, TIMED_OUT
+            when it is larger than the table as it is held, BLOCKED when other items leave no room or no way,
+            UNREACHABLE when no spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips out on the way, TIMED_OUT
     when the arm is held up."""
     held = in_hand(attempt, item)
     withdraw(attempt, held)  # where it was gripped and not yet lifted
@@ -485,38 +484,6 @@ def check_rests(attempt: Attempt, item: str, target: str) -> None:
             break
     if pose is not None and not rests_on(attempt, transforms.matrix(pose), item, target):
         raise SkillError(SkillStatus.FELL, f"{item} did not stay on {target}")
-
-
-def blockers(attempt: Attempt, among: Collection[str], what: Callable[[], object]) -> tuple[str, ...]:
-    """Returns those of some items without any one of which something works; all of them where it takes more than one,
-    and none where they are not what is in the way.
-
-    Args:
-        what: raises a `SkillError` where it does not work.
-    """
-
-    def works_without(items: Collection[str]) -> bool:
-        with attempt.without(items):
-            return works(what)
-
-    if not among or not works_without(among):
-        return ()
-    return tuple(item for item in among if len(among) == 1 or works_without([item])) or tuple(among)
-
-
-def works(what: Callable[[], object]) -> bool:
-    """Whether something raises no `SkillError`.
-
-    Raises:
-        SkillError: CANCELLED.
-    """
-    try:
-        what()
-    except SkillError as failure:
-        if failure.status is SkillStatus.CANCELLED:
-            raise
-        return False
-    return True
 
 
 def move_aside(attempt: Attempt, item: str) -> None:

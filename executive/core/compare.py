@@ -8,7 +8,7 @@ same of its triangle tables (Fikes, Hart and Nilsson 1972).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from executive.types import Atom, Condition, DerivedRules, Facts, Step, Verdict
@@ -23,10 +23,10 @@ def compare(expected: Facts, seen: Mapping[Atom, bool]) -> Verdict:
     return Verdict(holds, frozenset(told.keys() - holds), frozenset(expected.keys() - told.keys()))
 
 
-def relevant_facts(step: Step, known: Facts) -> Facts:
+def relevant_facts(step: Step, known: Facts, others: Collection[str] = ()) -> Facts:
     """Return the known facts that a step's outcome may depend on: what it needs and changes, and all other atoms of its
-    objects, such as what stands on the table that it puts something on."""
-    objects, own = frozenset(step.args), step.atoms
+    objects, such as what stands on the table that it puts something on, and those of `others` that play a part."""
+    objects, own = frozenset((*step.args, *others)), step.atoms
     return known.only(atom for atom in known if atom in own or not objects.isdisjoint(atom.args))
 
 

@@ -7,7 +7,7 @@ Every answer that is not carried out is emitted as `Probed`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from executive.belief import Monitor
@@ -107,23 +107,40 @@ class PlannerQueries:
     def clearing(self, run_state: RunState, state: Facts) -> ClearingPlan | None:
         """A plan for the goal that first moves away what is in the way of a step, and has this step afterwards."""
         goal = run_state.goal
-        for atom in dict.fromkeys(atom for stuck in run_state.stuck.values() for atom in stuck.in_the_way):
-            away = Condition.literal(atom, False)
-            if not state.get(atom) or run_state.holds(goal, state):
-                continue
-            first = self._plan(run_state, away, state, StuckSteps.NEVER)
-            self._emit(probed(away, first))
-            if isinstance(first, NoPlan):
-                continue
+        for step, stuck in run_state.stuck.items() if not run_state.holds(goal, state) else ():
+            for atom in stuck.in_the_way if not stuck.for_good else ():
+                if (plan := self._around(run_state, state, step, Condition.literal(atom, False))) is not None:
+                    return ClearingPlan(atom, plan)
+        return None
+
+    def _around(self, run_state: RunState, state: Facts, step: Step, away: Condition) -> Plan | None:
+        """A plan for the goal by way of what has to be so for a stuck step to be done. Where the goal wants back what
+        was in the way, it stays away until then."""
+        goal, first = run_state.goal, Plan((), 0.0, "", 0.0)
+        meanwhile = away & Condition.of(step.unconditional)
+        if run_state.holds(away, state):
+            return self._in_turn(run_state, state, first, (meanwhile, goal))
+        answer = self._plan(run_state, away, state, StuckSteps.NEVER)
+        self._emit(probed(away, answer))
+        if isinstance(answer, NoPlan):
+            return None
+        whole = self._in_turn(run_state, state, answer, (goal,))
+        return whole or self._in_turn(run_state, state, answer, (meanwhile, goal))
+
+    def _in_turn(self, run_state: RunState, state: Facts, plan: Plan, goals: Sequence[Condition]) -> Plan | None:
+        """A plan from `state` with what follows to reach some goals one after the other, with steps that are stuck
+        where what they hang on has changed by then."""
+        for goal in goals:
             then = state
-            for step in first.steps:
+            for step in plan.steps:
                 then = progress(then, step, run_state.task.derived)
             rest = self._plan(run_state, goal, then, StuckSteps.IF_CHANGED)
             self._emit(probed(goal, rest))
-            if isinstance(rest, Plan):
-                steps, seconds = (*first.steps, *rest.steps), first.seconds + rest.seconds
-                return ClearingPlan(atom, Plan(steps, first.cost + rest.cost, rest.planner, seconds))
-        return None
+            if isinstance(rest, NoPlan):
+                return None
+            seconds = plan.seconds + rest.seconds
+            plan = Plan((*plan.steps, *rest.steps), plan.cost + rest.cost, rest.planner, seconds)
+        return plan
 
     def probe(self, run_state: RunState, goal: Condition, allowed: StuckSteps = StuckSteps.NEVER) -> Plan | NoPlan:
         """Return whether `goal` can be reached from what is believed."""

@@ -52,8 +52,8 @@ class StuckSteps(Enum):
 
 
 class Stuck(NamedTuple):
-    """A step that was given up on: the relevant facts then, after how many actions of the run that was, how often by
-    now, and the objects that were in its way, where they are known."""
+    """A step that was given up on: the relevant facts then, those about the objects in its way among them, after how
+    many actions of the run that was, how often by now, and these objects, where they are known."""
 
     facts: Facts
     actions: int
@@ -67,8 +67,10 @@ class Stuck(NamedTuple):
 
     @property
     def in_the_way(self) -> tuple[Atom, ...]:
-        """The facts that kept the step from being done: those that are about the objects in its way."""
-        return tuple(sorted(atom for atom in self.facts.true if not set(self.blockers).isdisjoint(atom.args)))
+        """The facts that kept the step from being done: those that are about the objects in its way, and first those
+        that say where they are in relation to something else."""
+        about = (atom for atom in self.facts.true if not set(self.blockers).isdisjoint(atom.args))
+        return tuple(sorted(about, key=lambda atom: (-len(atom.args), atom)))
 
 
 _MOST_BLOCKED = 4
@@ -438,7 +440,7 @@ class RunState:
         failures, stuck = {**self.failures, step: MappingProxyType(counts)}, dict(self.stuck)
         if decision.kind is DecisionKind.GIVE_UP_GOAL:
             times = stuck[step].times + 1 if step in stuck else 1
-            stuck[step] = Stuck(facts, self.actions, times, blockers)
+            stuck[step] = Stuck(relevant_facts(step, known, blockers), self.actions, times, blockers)
         return replace(self, failures=MappingProxyType(failures), stuck=MappingProxyType(stuck))
 
     # What it amounts to.

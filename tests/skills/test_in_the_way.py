@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import shutil
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from executive.app.config import RunConfig
 from executive.app.run import Run
+from executive.sim.world import MujocoWorld
+from executive.skills.arm import arm_of
 from executive.trace.record.log import read_events
-from executive.types import Decision, FloatArray, OutcomeKind, Reason
-from tests.executive.sim.stage import ROOT
+from executive.types import Decision, FloatArray, OutcomeKind, Reason, SkillStatus
+from tests.executive.sim.stage import ROOT, SCENE, TABLES
+from tests.skills.test_skills import Robot
 
 TRAY = '[[table]]\nname = "tray"\ncentre = [0.42, 0.0, 0.83]\nsize = [0.12, 0.12, 0.03]\n'
 PROBLEM = """(define (problem p) (:domain grocery)
@@ -63,3 +67,40 @@ def test_where_there_is_no_room_what_is_in_the_way_is_moved_by_a_plan(tmp_path: 
     causes = [cause for event in events if isinstance(event, Decision) for cause in event.causes]
     (cleared,) = [cause for cause in causes if cause.code is Reason.PLAN_CLEARS]
     assert [str(atom) for atom in cleared.atoms] == ["on-table(lemon,tray)"]
+
+
+def beside_a_wall(folder: Path) -> Robot:
+    """A lemon on the table at one side and a can on the one at the other, a wall between them on the table in the
+    middle, and an arm that makes straight motions alone: past the wall there are none."""
+    wall = '[[item]]\nname = "wall"\nshape = "box"\nsize = [0.40, 0.04, 0.32]\nmass = 0.2\n'
+    file = folder / "scene.toml"
+    file.write_text(f"{SCENE.read_text(encoding='utf-8')}\n{wall}", encoding="utf-8")
+    placed = {"lemon": "white-table", "soda-can": "wood-table", "wall": "black-table"}
+    objects = {**dict.fromkeys(placed, "item"), **dict.fromkeys(TABLES, "table")}
+    robot = Robot(MujocoWorld(file, objects, placed=placed, home_pose=False))
+    robot.world.put("wall", np.array([0.46, 0.0, 0.962, 1.0, 0.0, 0.0, 0.0]))
+    robot.world.data.qvel[:] = 0.0
+    robot.world.settle(0.3)
+    assert robot.pick("lemon", "white-table").done
+    planner = arm_of(robot.world.handle).planner
+    planner.plan = partial(planner.plan, iterations=0)  # type: ignore[method-assign]
+    return robot
+
+
+def test_what_is_in_the_way_of_every_motion_with_a_full_hand_is_told(tmp_path: Path) -> None:
+    robot = beside_a_wall(tmp_path)
+    result = robot.place("lemon", "wood-table")
+    assert (result.status, result.blockers, result.holding) == (SkillStatus.BLOCKED, ("wall",), True), result.reason
+    robot.world.put("wall", np.array([3.0, 0.0, 0.17, 1.0, 0.0, 0.0, 0.0]))
+    result = robot.place("lemon", "wood-table")
+    assert result.done, result.reason
+
+
+def test_what_is_in_the_way_of_every_motion_of_an_empty_hand_is_moved_aside(tmp_path: Path) -> None:
+    robot = beside_a_wall(tmp_path)
+    assert robot.place("lemon", "white-table").done
+    result = robot.pick("soda-can", "wood-table")
+    assert result.done, result.reason
+    assert robot.phases().count("clear") == 1
+    assert robot.so("robot-gripping(soda-can)")
+    assert robot.so("on-table(wall,black-table)")

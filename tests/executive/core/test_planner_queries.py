@@ -11,7 +11,20 @@ from executive.core.compare import reaches, relevant_facts
 from executive.core.planner_queries import PlannerQueries
 from executive.core.run_state import RunState, Stuck, StuckSteps
 from executive.core.session import Session
-from executive.types import ALWAYS, Condition, Facts, NoPlan, NoPlanReason, Plan, Probed, Step
+from executive.types import (
+    ALWAYS,
+    Cause,
+    Condition,
+    Decision,
+    DecisionKind,
+    Facts,
+    NoPlan,
+    NoPlanReason,
+    Plan,
+    Probed,
+    Reason,
+    Step,
+)
 from tests.fakes import FREE, FakePlanner, FakeWorld, Recorder, at, held, pick, put, steps_of, task
 
 GOAL = Facts({at("a", "q"): True, at("b", "r"): True})
@@ -70,6 +83,26 @@ def test_what_is_in_the_way_of_a_step_is_moved_away_first() -> None:
     # Nor is there a plan where nobody knows what is in the way.
     unknown = Asking({put("a", "q"): stuck._replace(blockers=(), times=1)})
     assert isinstance(unknown.queries.plan(unknown.run_state, blocked), NoPlan)
+
+
+def test_what_is_in_the_way_somewhere_else_is_moved_away_first() -> None:
+    """b stands at r, past which there is no motion to q."""
+    blocked = Facts.closed({held("a"), at("b", "r")}, TASK.atoms)
+    given_up = Decision(DecisionKind.GIVE_UP_GOAL, (Cause(Reason.STEP_FAILED, steps=("put(a,q)",)),))
+    run_state = Asking({}).run_state.failed(put("a", "q"), blocked, given_up, blockers=("b",))
+    asking = Asking(dict(run_state.stuck))
+    assert run_state.stuck_among([put("a", "q")], blocked, StuckSteps.IF_CHANGED)
+    elsewhere = Facts.closed({held("a"), at("b", "p")}, TASK.atoms)
+    assert not run_state.stuck_among([put("a", "q")], elsewhere, StuckSteps.IF_CHANGED)
+    found = asking.queries.clearing(asking.run_state, blocked)
+    assert found is not None
+    assert found.moved == at("b", "r")
+    assert reaches(found.plan.steps, blocked, Condition.of(GOAL))
+    assert found.plan.steps.index(pick("b", "r")) < found.plan.steps.index(put("a", "q"))
+    # Once it is away it stays there until the step is done, though the goal wants it back.
+    found = asking.queries.clearing(asking.run_state, elsewhere)
+    assert found is not None
+    assert found.plan.steps == (put("a", "q"), pick("b", "p"), put("b", "r"))
 
 
 def test_a_planner_that_does_not_avoid_what_it_should_has_no_plan() -> None:

@@ -639,24 +639,25 @@ def test_30_a_planner_that_does_not_do_without_it_costs_no_more_than_the_goal() 
     assert (ended.outcome, ended.actions) == (OutcomeKind.GAVE_UP, 1 + stage.settings.max_retries + 2)
 
 
-def test_30_what_is_in_the_way_is_moved_away_and_the_item_in_the_hand_put_down_elsewhere_meanwhile() -> None:
-    """Where b stands, a does not fit, which the planner does not know."""
-    stage = Stage(A_TO_Q, {"a": "p", "b": "q"})
+@pytest.mark.parametrize("place", ["q", "r"])
+def test_30_what_is_in_the_way_is_moved_away_and_the_item_in_the_hand_put_down_elsewhere_meanwhile(place: str) -> None:
+    """Where b stands a does not fit, or nothing gets past b, which the planner does not know."""
+    stage = Stage(A_TO_Q, {"a": "p", "b": place})
     willing = FakeSkill()
 
     def needs_room(step: Step, context: SkillContext) -> SkillResult:
-        if step == put("a", "q") and stage.world.where["b"] == "q":
+        if step == put("a", "q") and stage.world.where["b"] == place:
             context.handle.advance(1.0)
-            return SkillResult(step, SkillStatus.BLOCKED, "no room beside b", holding=True, blockers=("b",))
+            return SkillResult(step, SkillStatus.BLOCKED, "b in the way", holding=True, blockers=("b",))
         return willing(step, context)
 
     stage.skill = needs_room  # type: ignore[assignment]
     ended = stage.play()
     assert (ended.outcome, stage.goal_true) == (OutcomeKind.GOAL_REACHED, True)
     assert dispatched(stage).count(put("a", "q")) == 2, "it fails once, and works once there is room"
-    assert stage.world.where["b"] != "q"
+    assert stage.world.where["b"] != place
     (decision,) = (each for each in stage.recorder.of(Decision) if Reason.PLAN_CLEARS in each.codes)
-    assert decision.causes[-1].atoms == (at("b", "q"),)
+    assert decision.causes[-1].atoms == (at("b", place),)
 
 
 def test_30_a_step_that_was_stuck_is_tried_once_more_when_all_else_is_done() -> None:
