@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import argparse
 import time
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from benchmarks.kept import Kept, Row
 from executive.app.localizer import item_models, open_localizer
-from executive.perception import ItemModel, Localizer
+from executive.perception import ItemModel
 from executive.perception.localizer import matrix
 from executive.sim.known_models import KnownScene
 from executive.sim.spec import read_scene
@@ -36,27 +39,69 @@ def main() -> None:
     parser.add_argument("--absent", action="store_true", help="one or two items of each scene are not there")
     parser.add_argument("--moved", type=float, default=0.0, help="cm by which one camera of each scene was moved")
     parser.add_argument("--verbose", action="store_true", help="every error above 3 mm or 6 degrees")
+    parser.add_argument("--out", type=Path, help="a file that results are kept in, to go on with later")
     arguments = parser.parse_args()
-    spec = read_scene(SCENE)
-    models = {model.name: model for model in item_models(spec)}
-    for model in models.values():
-        _ = model.field, model.orientations, model.lookalikes
-    known = KnownScene(spec)
-    tally = Tally(arguments.verbose)
-    for index in range(arguments.scenes):
-        seed = arguments.seed + index
-        rng = np.random.default_rng([seed, 1])
-        absent = set(rng.choice(sorted(models), 1 + int(rng.integers(2)), replace=False)) if arguments.absent else set()
+    rows = []
+    with closing(Scenes(arguments.absent, arguments.moved)) as scenes, Kept(arguments.out) as kept:
+        for seed in range(arguments.seed, arguments.seed + arguments.scenes):
+            name = f"seed {seed}, absent {arguments.absent}, moved {arguments.moved}"
+            rows.append(kept.of(name, partial(scenes.measure, seed)))
+            if arguments.verbose:
+                for line in rows[-1]["notes"]:
+                    print(line, flush=True)
+    report(rows)
+
+
+class Scenes:
+    """Scenes in which items are looked for.
+
+    Args:
+        absent: whether one or two items of each scene are not there.
+        moved: cm by which one camera of each scene was moved.
+    """
+
+    def __init__(self, absent: bool, moved: float) -> None:
+        self._absent, self._moved = absent, moved
+        self._spec = read_scene(SCENE)
+        self._models = {model.name: model for model in item_models(self._spec)}
+        for model in self._models.values():
+            _ = model.field, model.orientations, model.lookalikes
+        self._known = KnownScene(self._spec)
+
+    def close(self) -> None:
+        self._known.close()
+
+    def measure(self, seed: int) -> Row:
+        """Return what is found in the scene of a seed, and by how much that is wrong."""
+        rng, models = np.random.default_rng([seed, 1]), self._models
+        absent = set(rng.choice(sorted(models), 1 + int(rng.integers(2)), replace=False)) if self._absent else set()
         world = drawn(seed, [name for name in models if name not in absent], rng)
-        if arguments.moved:
-            camera = str(rng.choice([camera.name for camera in spec.cameras]))
-            way = rng.normal(size=3)
-            world.move_camera(camera, 0.01 * arguments.moved * way / np.linalg.norm(way))
-        localizer = open_localizer(world, models=list(models.values()), known=known)
-        tally.add(seed, world, localizer, models)
-        world.close()
-    known.close()
-    tally.report(arguments.scenes)
+        with closing(world):
+            if self._moved:
+                camera = str(rng.choice([camera.name for camera in self._spec.cameras]))
+                way = rng.normal(size=3)
+                world.move_camera(camera, 0.01 * self._moved * way / np.linalg.norm(way))
+            localizer = open_localizer(world, models=list(models.values()), known=self._known)
+            sensed = localizer.capture()
+            wall, cpu = time.perf_counter(), time.process_time()
+            estimate = localizer.estimate(sensed)
+            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+            row: Row = {"items": {}, "unseen": [], "invented": [], "notes": [], "wall": wall, "cpu": cpu}
+            row |= {"lumps": len(estimate.lumps), "left out": len(estimate.left_out)}
+            for name, model in models.items():
+                here, found = name in world.items, estimate.poses.get(name)
+                if found is None or not here:
+                    if here or found is not None:
+                        row["unseen" if here else "invented"].append(f"seed {seed}: {name}")
+                    continue
+                away, angle = error(model, world.pose(name), found.pose)
+                row["items"][name] = [1e3 * away, angle, *inside(model, world.pose(name), found)]
+                if away > 0.003 or angle > 6.0:
+                    row["notes"].append(
+                        f"seed {seed}: {name} {1e3 * away:.1f} mm {angle:.1f} degrees, misfit "
+                        f"{1e3 * found.misfit:.2f} mm, spread {1e3 * found.spread:.2f} mm, {found.views}"
+                    )
+        return row
 
 
 def drawn(seed: int, items: list[str], rng: np.random.Generator) -> MujocoWorld:
@@ -71,67 +116,30 @@ def drawn(seed: int, items: list[str], rng: np.random.Generator) -> MujocoWorld:
     return world
 
 
-class Tally:
-    """What was measured."""
-
-    def __init__(self, verbose: bool) -> None:
-        self.verbose = verbose
-        self.millimetres: dict[str, list[float]] = {}
-        self.degrees: dict[str, list[float]] = {}
-        self.inside: dict[str, list[tuple[bool, bool]]] = {}
-        self.unseen: list[str] = []
-        self.invented: list[str] = []
-        self.lumps = 0
-        self.left_out = 0
-        self.wall: list[float] = []
-        self.cpu: list[float] = []
-
-    def add(self, seed: int, world: MujocoWorld, localizer: Localizer, models: dict[str, ItemModel]) -> None:
-        sensed = localizer.capture()
-        wall, cpu = time.perf_counter(), time.process_time()
-        estimate = localizer.estimate(sensed)
-        self.wall.append(time.perf_counter() - wall)
-        self.cpu.append(time.process_time() - cpu)
-        self.lumps += len(estimate.lumps)
-        self.left_out += len(estimate.left_out)
-        for name, model in models.items():
-            here, found = name in world.items, estimate.poses.get(name)
-            if found is None:
-                if here:
-                    self.unseen.append(f"seed {seed}: {name}")
-            elif not here:
-                self.invented.append(f"seed {seed}: {name}")
-            else:
-                away, angle = error(model, world.pose(name), found.pose)
-                self.millimetres.setdefault(name, []).append(1e3 * away)
-                self.degrees.setdefault(name, []).append(angle)
-                self.inside.setdefault(name, []).append(inside(model, world.pose(name), found))
-                if self.verbose and (away > 0.003 or angle > 6.0):
-                    print(
-                        f"seed {seed}: {name} {1e3 * away:.1f} mm {angle:.1f} degrees, misfit "
-                        f"{1e3 * found.misfit:.2f} mm, spread {1e3 * found.spread:.2f} mm, {found.views}"
-                    )
-
-    def report(self, scenes: int) -> None:
-        print(f"{'item':<14}{'found':>7}{'median':>9}{'90 %':>8}{'max mm':>9}{'median':>9}{'90 %':>8}{'max deg':>9}"
-              f"{'wrong':>7}{'in 90 %: mm':>13}{'deg':>6}")  # fmt: skip
-        rows = {**self.millimetres, "all": [each for some in self.millimetres.values() for each in some]}
-        turns = {**self.degrees, "all": [each for some in self.degrees.values() for each in some]}
-        told = {**self.inside, "all": [each for some in self.inside.values() for each in some]}
-        for name, away in rows.items():
-            angles = turns[name]
-            shares = [float(np.mean(column)) for column in zip(*told[name], strict=True)]
-            print(
-                f"{name:<14}{len(away):>7}{np.median(away):>9.2f}{np.quantile(away, 0.9):>8.2f}{max(away):>9.1f}"
-                f"{np.median(angles):>9.2f}{np.quantile(angles, 0.9):>8.2f}{max(angles):>9.1f}"
-                f"{sum(each > 1e3 * WRONG for each in away):>7}{shares[0]:>13.0%}{shares[1]:>6.0%}"
-            )
-        print(f"{scenes} scenes: {len(self.unseen)} items not found, {len(self.invented)} reported that are not there, "
-              f"{self.lumps} unknown lumps, {self.left_out} cameras left out")  # fmt: skip
-        print(f"a scene takes {np.median(self.cpu):.2f} s of processor time and {np.median(self.wall):.2f} s (medians; "
-              f"90 %: {np.quantile(self.cpu, 0.9):.2f} and {np.quantile(self.wall, 0.9):.2f})")  # fmt: skip
-        for line in (*self.unseen, *self.invented):
-            print(line)
+def report(rows: list[Row]) -> None:
+    """Print what was measured in all scenes."""
+    print(f"{'item':<14}{'found':>7}{'median':>9}{'90 %':>8}{'max mm':>9}{'median':>9}{'90 %':>8}{'max deg':>9}"
+          f"{'wrong':>7}{'in 90 %: mm':>13}{'deg':>6}")  # fmt: skip
+    measured: dict[str, list[list[float]]] = {}
+    for row in rows:
+        for name, numbers in row["items"].items():
+            measured.setdefault(name, []).append(numbers)
+    for name, found in {**measured, "all": [each for some in measured.values() for each in some]}.items():
+        away, angles, *shares = (np.array(column, float) for column in zip(*found, strict=True))
+        print(
+            f"{name:<14}{len(away):>7}{np.median(away):>9.2f}{np.quantile(away, 0.9):>8.2f}{max(away):>9.1f}"
+            f"{np.median(angles):>9.2f}{np.quantile(angles, 0.9):>8.2f}{max(angles):>9.1f}"
+            f"{(away > 1e3 * WRONG).sum():>7}{shares[0].mean():>13.0%}{shares[1].mean():>6.0%}"
+        )
+    unseen, invented = ([line for row in rows for line in row[name]] for name in ("unseen", "invented"))
+    lumps, left_out = (sum(row[name] for row in rows) for name in ("lumps", "left out"))
+    print(f"{len(rows)} scenes: {len(unseen)} items not found, {len(invented)} reported that are not there, "
+          f"{lumps} unknown lumps, {left_out} cameras left out")  # fmt: skip
+    cpu, wall = ([row[name] for row in rows] for name in ("cpu", "wall"))
+    print(f"a scene takes {np.median(cpu):.2f} s of processor time and {np.median(wall):.2f} s (medians; "
+          f"90 %: {np.quantile(cpu, 0.9):.2f} and {np.quantile(wall, 0.9):.2f})")  # fmt: skip
+    for line in (*unseen, *invented):
+        print(line)
 
 
 def error(model: ItemModel, true: FloatArray, found: FloatArray) -> tuple[float, float]:

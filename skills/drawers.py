@@ -57,8 +57,9 @@ def open_(step: Step, context: SkillContext) -> SkillResult:
     """Grasps the handle of a `drawer` and pulls until the end is felt. What stands before it is put aside before.
 
     It reports BLOCKED when something stands before it, or in the way of the hand, and stays there, UNREACHABLE and
-    NO_PATH when the handle cannot be got to, GRASP_MISSED when the fingers close on nothing, JAMMED when the drawer does not move, STOPPED_SHORT when
-    it moves and not all of the way, SLIPPED when the fingers lose the handle, TIMED_OUT when the arm is blocked.
+    NO_PATH when the handle cannot be got to, GRASP_MISSED when the fingers close on nothing, JAMMED when the drawer
+    does not move, STOPPED_SHORT when it moves and not all of the way, SLIPPED when the fingers lose the handle,
+    TIMED_OUT when the arm is blocked.
     """
     return perform(step, context, _open)
 
@@ -68,8 +69,8 @@ def close(step: Step, context: SkillContext) -> SkillResult:
     """Pushes a `drawer` shut by its handle until the end is felt.
 
     It reports UNREACHABLE, BLOCKED and NO_PATH when the handle cannot be got to, GRASP_MISSED when the gripper holds
-    something, JAMMED when the drawer does not move, STOPPED_SHORT when it moves and not all of the way, SLIPPED when the hand
-    meets no end, TIMED_OUT when the arm is blocked.
+    something, JAMMED when the drawer does not move, STOPPED_SHORT when it moves and not all of the way, SLIPPED when
+    the hand meets no end, TIMED_OUT when the arm is blocked.
     """
     return perform(step, context, _close)
 

@@ -384,8 +384,9 @@ def put(attempt: Attempt, item: str, target: str) -> None:
     Raises:
         SkillError: NOT_THERE when the hand does not hold it, CLOSED when the target is a drawer that is, DOES_NOT_FIT
             when it is larger than the table as it is held, BLOCKED when other items leave no room or no way,
-            UNREACHABLE when no spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips out on the way, TIMED_OUT
-    when the arm is held up."""
+            UNREACHABLE when no spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips out
+            on the way, TIMED_OUT when the arm is held up.
+    """
     held = in_hand(attempt, item)
     withdraw(attempt, held)  # where it was gripped and not yet lifted
     check_open(attempt, target)

@@ -16,8 +16,8 @@ def place(step: Step, context: SkillContext) -> SkillResult:
 
     It reports NOT_THERE when the hand does not hold the item, CLOSED when the target is a drawer that is, DOES_NOT_FIT
     when it is larger than the table as it is held, BLOCKED when other items leave no room or no way, UNREACHABLE when
-    no free spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips out on the way, FELL when it did
-    not stay where it was put, COLLAPSED when what it was put on fell, TIMED_OUT when the arm is held up.
+    no free spot is within reach, NO_PATH when none can be got to, DROPPED when the item slips out on the way, FELL when
+    it did not stay where it was put, COLLAPSED when what it was put on fell, TIMED_OUT when the arm is held up.
     """
     return perform(step, context, _place)
 
