@@ -60,7 +60,7 @@ class Scenes:
         moved: cm by which one camera of each scene was moved.
     """
 
-    def __init__(self, absent: bool, moved: float) -> None:
+    def __init__(self, absent: bool = False, moved: float = 0.0) -> None:
         self._absent, self._moved = absent, moved
         self._spec = read_scene(SCENE)
         self._models = {model.name: model for model in item_models(self._spec)}

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -67,24 +68,13 @@ def grounding() -> Iterator[Figure]:
 
 
 def poses() -> Iterator[Figure]:
-    from benchmarks.poses import FIRST_SEED, SCENE, Tally, drawn
-    from executive.app.localizer import item_models, open_localizer
-    from executive.sim.known_models import KnownScene
-    from executive.sim.spec import read_scene
+    from benchmarks.poses import FIRST_SEED, Scenes
 
-    spec = read_scene(SCENE)
-    models = {model.name: model for model in item_models(spec)}
-    for model in models.values():
-        _ = model.field, model.orientations, model.lookalikes
-    known, tally = KnownScene(spec), Tally(verbose=False)
-    for seed in range(FIRST_SEED, FIRST_SEED + 5):
-        world = drawn(seed, list(models), np.random.default_rng([seed, 1]))
-        tally.add(seed, world, open_localizer(world, models=list(models.values()), known=known), models)
-        world.close()
-    known.close()
-    worst = max(away for found in tally.millimetres.values() for away in found)
+    with closing(Scenes()) as scenes:
+        rows = [scenes.measure(seed) for seed in range(FIRST_SEED, FIRST_SEED + 5)]
+    worst = max(numbers[0] for row in rows for numbers in row["items"].values())
     yield Figure("poses of six items, five depth cameras, nothing known before", "2 CPU s", 0.3,
-                 statistics.median(tally.wall), cpu=statistics.median(tally.cpu),
+                 statistics.median(row["wall"] for row in rows), cpu=statistics.median(row["cpu"] for row in rows),
                  note=f"median of 5 scenes, half of the items tipped; the largest error {worst:.1f} mm")  # fmt: skip
 
 
