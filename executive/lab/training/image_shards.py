@@ -69,7 +69,7 @@ class ImageSampler:
         self._side = side
         self._small = make_renderer(world.model, mask, mask)
         self._small.enable_segmentation_rendering()
-        items = sorted(world.shapes)
+        items = sorted([*world.shapes, *world.drawers.specs])  # as in `LabelSpace`
         roots = {world.model.body(item).id: index + 1 for index, item in enumerate(items)}
         owner = [roots.get(int(world.model.body_rootid[body]), 0) for body in world.model.geom_bodyid]
         self._owner = np.array([*owner, 0], dtype=np.uint8)  # the last entry stands for pixels without a geom

@@ -1,4 +1,4 @@
-"""The label space of training: the items of a task, and the atoms that can be true of each."""
+"""The label space of training: the items of a task, its drawers among them, and the atoms that can be true of each."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from executive.types import Atom
 class LabelSpace:
     """A task's atoms arranged by item.
 
-    `items` are the objects that can move, sorted. A facet is an item with an atom that names it: `facets` holds them
+    `items` are the objects that can move, drawers too, sorted. A facet is an item with an atom that names it: `facets` holds them
     all as (index of the item, index of the atom), so that an atom about two items is a facet of both.
     """
 
@@ -29,7 +29,7 @@ class LabelSpace:
     def of(cls, domain: Domain) -> LabelSpace:
         task = domain.task
         spec = read_scene(domain.scene).restricted_to(task.objects, domain.scene)
-        items = tuple(sorted(item.name for item in spec.items))
+        items = tuple(sorted(part.name for part in (*spec.items, *spec.drawers)))
         facets = tuple(
             (number, index)
             for number, item in enumerate(items)

@@ -26,7 +26,7 @@ simulated scene: `{name}`. It is a `FastVlmForConditionalGeneration` (a ResNet, 
 {hidden} wide) that `AutoModelForImageTextToText.from_pretrained` loads without any code but that of transformers.
 
 It is **in-domain, not zero-shot**: it was trained {start} on pictures of this scene alone, and knows {knows},
-and these {cameras} cameras in this order. Its answers about anything else mean nothing.{untold}
+and {cameras}. Its answers about anything else mean nothing.{untold}
 
 ## How it was trained
 
@@ -34,7 +34,7 @@ and these {cameras} cameras in this order. Its answers about anything else mean 
 
 | stage | what is learned | steps | per step |
 |---|---|---|---|
-| pictures | rendered samples, with the item of each pixel | {moments:,} moments | {cameras} cameras |
+| pictures | rendered samples, with the item of each pixel | {moments:,} moments | {per_moment} |
 | tower | the vision encoder: items of each cell, and their atoms | {tower:,} | {batch} pictures |
 | language | the decoder, on scenes without pictures | {language:,} | {scenes} scenes x {questions} questions |
 | together | all parts on pictures, questions, answers | {together:,} | {scenes} scenes x {questions} questions |
@@ -77,7 +77,8 @@ def render(
         "layers": preset.size.layers,
         "hidden": preset.size.hidden,
         "side": preset.size.side,
-        "cameras": cameras,
+        "cameras": "its one camera" if cameras == 1 else f"these {cameras} cameras in this order",
+        "per_moment": f"{cameras} camera{'s' * (cameras != 1)}",
         "knows": "the values of these attributes and questions about objects that have them" if described else knows,
         "untold": _UNTOLD if described else "",
         "command": command,

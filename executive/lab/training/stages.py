@@ -65,7 +65,7 @@ class Trainer:
         self.cameras = len(stage.cameras)
         said = domain.subject
         templates = Templates.read(said.questions) if said.questions is not None else generic(domain.task)
-        there = {item.name for item in stage.items} | {table.name for table in stage.tables}
+        there = set(stage.kinds)
         self.wordings = Wordings.of(domain.task, templates, wordings, there)
         instructions = load_instructions(said.instructions) if said.instructions is not None else ""
         instructed = prompts.instructed(prompts.QUESTION_ANSWERING, instructions)

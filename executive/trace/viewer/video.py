@@ -62,7 +62,7 @@ class Film:
     def add(self, time: float, pictures: Mapping[str, Image], curves: Mapping[str, Mapping[str, float | None]]) -> None:
         """What was seen at `time` seconds, and what it was taken for: group -> name -> P(true), None where unknown."""
         if not self._curves:
-            self._record.send_blueprint(_blueprint(list(pictures), list(curves)))
+            self._record.send_blueprint(_blueprint(list(pictures), list(curves), alike=bool(self._colours)))
         self._record.set_time(TIME, duration=time)
         for name, picture in pictures.items():
             encoded = rr.EncodedImage(contents=to_jpeg(picture), media_type="image/jpeg")
@@ -98,16 +98,18 @@ def _entity(group: str, name: str) -> str:
     return rr.new_entity_path([_PROBABILITY, plain(group), plain(name)])
 
 
-def _blueprint(pictures: list[str], groups: list[str]) -> rrb.Blueprint:
+def _blueprint(pictures: list[str], groups: list[str], alike: bool) -> rrb.Blueprint:
+    """The layout. Where the curves of all groups are `alike`, the first group's legend is that of all: each hides a
+    part of its curves."""
     seen = [rrb.Spatial2DView(origin=f"{_PICTURES}/{plain(name)}", name=plain(name)) for name in pictures]
     curves = [
         rrb.TimeSeriesView(
             origin=f"{_PROBABILITY}/{plain(group)}",
             name=f"P({plain(group)})",
             axis_y=rrb.ScalarAxis(range=(-0.05, 1.05)),
-            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=not alike or not number),
         )
-        for group in groups
+        for number, group in enumerate(groups)
     ]
     many = len(curves) > _IN_A_COLUMN
     side_by_side = rrb.Grid(*curves, grid_columns=2) if many else rrb.Vertical(*curves)

@@ -1,4 +1,4 @@
-"""The eye that comes with the grocery domain: small, plain weights, and it sees."""
+"""The models that come with domains: small, plain weights, and they see."""
 
 from __future__ import annotations
 
@@ -10,21 +10,28 @@ import numpy as np
 import pytest
 
 from executive.app.config import EstimatorConfig
-from executive.app.estimators import open_estimator, shipped, with_default_model
+from executive.app.estimators import SHIPPED, open_estimator, shipped, with_default_model
 from executive.app.run import Run, RunConfig
-from executive.domain.loader import load_domain
+from executive.domain.loader import list_domains, load_domain
 from executive.lab.training.scene_sampler import SceneSampler
 from executive.sim.relighting import Lights, Relighting, Shift
 from executive.types import Observation, OutcomeKind
 
-DOMAIN = load_domain("grocery")
+DOMAINS = [name for name in list_domains() if shipped(name)]
+"""Those that a model comes with."""
 
 
-@pytest.fixture(scope="module")
-def folder() -> Path:
-    found = shipped("grocery")
+@pytest.fixture(scope="module", params=DOMAINS)
+def folder(request: pytest.FixtureRequest) -> Path:
+    found = shipped(request.param)
     assert found is not None
     return found
+
+
+def test_all_of_them_are_of_domains_and_together_small() -> None:
+    assert "grocery" in DOMAINS
+    assert {path.name for path in SHIPPED.iterdir() if path.is_dir()} == {f"{name}-eye" for name in DOMAINS}
+    assert sum(file.stat().st_size for file in SHIPPED.rglob("*") if file.is_file()) <= 60_000_000
 
 
 def test_it_is_small_and_holds_no_code(folder: Path) -> None:
@@ -44,15 +51,17 @@ def test_transformers_alone_loads_it(folder: Path) -> None:
 
 
 def test_it_is_what_is_meant_where_no_model_is_named(folder: Path) -> None:
-    assert with_default_model(EstimatorConfig(), DOMAIN.subject).vlm == str(folder)
-    assert with_default_model(EstimatorConfig(vlm="elsewhere"), DOMAIN.subject).vlm == "elsewhere"
+    subject = load_domain(folder.name.removesuffix("-eye")).subject
+    assert with_default_model(EstimatorConfig(), subject).vlm == str(folder)
+    assert with_default_model(EstimatorConfig(vlm="elsewhere"), subject).vlm == "elsewhere"
 
 
 class Moments:
     """A few moments that no training saw, and the pictures of each."""
 
-    def __init__(self) -> None:
-        sampler = SceneSampler(DOMAIN, [20_261_122])
+    def __init__(self, domain: str) -> None:
+        self.domain = load_domain(domain)
+        sampler = SceneSampler(self.domain, [20_261_122])
         self.studio = Relighting(sampler.world.model, sampler.world.spec)
         self.moments = [moment for _ in range(6) for moment in sampler.draw()]
         self.cameras = [camera.name for camera in sampler.world.spec.cameras]
@@ -63,18 +72,19 @@ class Moments:
         self._sampler.close()
 
 
-@pytest.fixture(scope="module")
-def moments() -> Iterator[Moments]:
-    made = Moments()
+@pytest.fixture(scope="module", params=DOMAINS)
+def moments(request: pytest.FixtureRequest) -> Iterator[Moments]:
+    made = Moments(request.param)
     yield made
     made.close()
 
 
 @pytest.mark.parametrize("harder", [False, True])
 def test_it_sees_moments_that_no_training_saw(moments: Moments, harder: bool) -> None:
-    """Far below what an evaluation measures, and far above what could be guessed (three in four atoms are false)."""
-    eye, rng = open_estimator(EstimatorConfig(), DOMAIN.subject), np.random.default_rng(0)
-    right, atoms = [], DOMAIN.task.atoms
+    """Far below what an evaluation measures, and far above what could be guessed (most atoms are false). One camera
+    sees less."""
+    eye, rng = open_estimator(EstimatorConfig(), moments.domain.subject), np.random.default_rng(0)
+    right, atoms = [], moments.domain.task.atoms
     for number, moment in enumerate(moments.moments):
         lights = Lights.drawn(rng) if harder else None
         shifts = {camera: Shift.drawn(rng) for camera in moments.cameras} if harder else {}
@@ -82,7 +92,7 @@ def test_it_sees_moments_that_no_training_saw(moments: Moments, harder: bool) ->
         belief = eye.estimate(Observation(number, 0.0, images, np.zeros(6)), atoms)
         assert not belief.unanswered
         right += [(belief.probability[atom] > 0.5) == moment.facts[atom] for atom in atoms]
-    assert np.mean(right) > 0.96
+    assert np.mean(right) > (0.96 if len(moments.cameras) > 1 else 0.9)
 
 
 def test_a_run_sees_with_it_unless_told_otherwise(tmp_path: Path) -> None:
