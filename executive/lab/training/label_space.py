@@ -17,8 +17,8 @@ from executive.types import Atom
 class LabelSpace:
     """A task's atoms arranged by item.
 
-    `items` are the objects that can move, drawers too, sorted. A facet is an item with an atom that names it: `facets` holds them
-    all as (index of the item, index of the atom), so that an atom about two items is a facet of both.
+    `items` are the objects that can move, drawers too, sorted. A facet is an item with an atom that names it: `facets`
+    holds them all as (index of the item, index of the atom), so that an atom about two items is a facet of both.
     """
 
     items: tuple[str, ...]
@@ -29,7 +29,7 @@ class LabelSpace:
     def of(cls, domain: Domain) -> LabelSpace:
         task = domain.task
         spec = read_scene(domain.scene).restricted_to(task.objects, domain.scene)
-        items = tuple(sorted(part.name for part in (*spec.items, *spec.drawers)))
+        items = tuple(sorted([*(item.name for item in spec.items), *(drawer.name for drawer in spec.drawers)]))
         facets = tuple(
             (number, index)
             for number, item in enumerate(items)
