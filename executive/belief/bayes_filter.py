@@ -53,6 +53,10 @@ DEFAULT_THRESHOLDS = Thresholds(0.15, 0.85)
 HIDDEN_NOISE = 0.1
 """The process noise of what is hidden, as a share of that of what is not: what nobody sees is seldom moved. Assumed."""
 
+TOUCHED = 0.2
+"""The probability that what is behind a front is no longer as it was, once the front was seen to have moved without the
+robot: whoever moved it may have taken something out or put something in. Assumed."""
+
 _CERTAIN = 1e3
 """Log-odds far beyond any evidence, to condition on an atom."""
 
@@ -86,6 +90,7 @@ class BeliefState:
         before, now: the last known values before this moment's looks, and with them.
         earlier: the evidence of looks at earlier moments about atoms that no action has affected since.
         sensed: the evidence in the last skill's report.
+        acted: the atoms that the last action may have changed.
     """
 
     hypotheses: tuple[Hypothesis, ...]
@@ -97,6 +102,7 @@ class BeliefState:
     sensed: Mapping[Atom, float] = field(default_factory=lambda: MappingProxyType({}))
     chances: tuple[float, ...] | None = None
     witnessed: Mapping[str, Mapping[Atom, tuple[float, ...]]] = field(default_factory=lambda: MappingProxyType({}))
+    acted: frozenset[Atom] = frozenset()
 
     @property
     def told(self) -> Mapping[Atom, tuple[float, ...]]:
@@ -185,6 +191,11 @@ class BayesMonitor:
         if self.actions is None:
             return replace(self.begin(), before=memory.now, now=memory.now)
         marginal, process_noise = memory.marginal or self._posterior(memory).marginal, self.actions.process_noise
+        # Over listed states, what no action explains is any state at all: all is doubted there already.
+        touched = self._touched(memory)
+        marginal = {
+            a: (1.0 - TOUCHED) * p + TOUCHED * self._uniform[a] if a in touched else p for a, p in marginal.items()
+        }
         after = marginal if step is None else with_effects(marginal, step, self._partners)
         hidden = self._hidden(marginal) | self._hidden(after)
         unchanged = self._with_noise(marginal, process_noise, hidden)
@@ -213,7 +224,24 @@ class BayesMonitor:
             now=memory.now,
             earlier=MappingProxyType(self._carry_evidence(memory, marginal, unchanged, undetermined)),
             sensed=MappingProxyType({}) if step is None else skill_evidence(self.carried, step, result),
+            acted=undetermined,
         )
+
+    def _touched(self, memory: BeliefState) -> frozenset[Atom]:
+        """Return the atoms that are out of view behind what was seen to have moved though the last action did not move
+        it, and their mutex partners: where the things that they are about may be instead. What is in view is there."""
+        before, now = memory.before.facts, memory.now.facts
+        moved = {atom for atom, value in now.items() if before.get(atom, value) is not value} - memory.acted
+        if not moved or not self.visibility:
+            return frozenset()
+        visibility, in_view = self.visibility, now.true - self.visibility.hidden(now)
+        behind = {
+            atom
+            for atom in visibility.covered(now)
+            if not moved.isdisjoint(visibility.rules.support(visibility.conditions[atom].atoms))
+            and in_view.isdisjoint(self._partners[atom])
+        }
+        return frozenset(behind.union(*(self._partners[atom] for atom in behind)))
 
     def looked(self, memory: BeliefState, raw: Belief, cycle: int) -> tuple[BeliefState, Judgement]:
         if not self.visibility:

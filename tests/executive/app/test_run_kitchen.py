@@ -35,7 +35,7 @@ def test_what_init_leaves_between_some_places_is_in_one_of_these_and_the_robot_i
         (None, 2, "miss@1"),
         (None, 2, "roll:drawer=left-drawer@1"),
         (None, 2, "drop:grasp@2"),
-        ("two-items", 1, "shove:item=can,table=right-drawer@1"),  # from a closed drawer into another
+        ("two-items", 3, "shove:item=can,table=right-drawer@1"),  # from a closed drawer into another
     ],
 )
 def test_the_search_goes_on_whatever_goes_wrong(tmp_path: Path, problem: str | None, seed: int, fault: str) -> None:
