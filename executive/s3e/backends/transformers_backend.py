@@ -24,7 +24,7 @@ from executive.s3e.backends.answer_tokens import answer_tokens, numeral_tokens
 from executive.s3e.backends.chat_template import Chat
 from executive.s3e.backends.checkpoint import find
 from executive.s3e.backends.interface import LEAST_MASS, YES_NO, Answer, AnswerWords, Numerals, Words, rather
-from executive.s3e.backends.loading import load
+from executive.s3e.backends.loading import Loaded, load
 from executive.s3e.backends.prefix_cache import Beginning, Prefix
 from executive.types import Image
 
@@ -73,8 +73,23 @@ class TransformersBackend:
         path: Path | Literal["auto"] = "auto",
     ) -> None:
         checkpoint = find(model)
-        loaded = load(checkpoint, device, dtype)
-        self._name, self._folder = checkpoint.name, checkpoint.folder
+        self._take(load(checkpoint, device, dtype), checkpoint.name, checkpoint.folder, path)
+
+    @classmethod
+    def around(
+        cls, loaded: Loaded, name: str, folder: FilePath, path: Path | Literal["auto"] = "auto"
+    ) -> TransformersBackend:
+        """Return a backend of a model that is in memory already; `folder` is where its processor came from.
+
+        Raises:
+            InputError: the processor has no chat template that can be used.
+        """
+        backend = cls.__new__(cls)
+        backend._take(loaded, name, folder, path)
+        return backend
+
+    def _take(self, loaded: Loaded, name: str, folder: FilePath, path: Path | Literal["auto"]) -> None:
+        self._name, self._folder = name, folder
         self.device, self.dtype = loaded.device, loaded.dtype
         self._model, self._processor = loaded.model, loaded.processor
         self._wanted = path
