@@ -33,7 +33,7 @@ from executive.errors import InputError, nearest
 from executive.trace import phrases
 from executive.trace.record.codec import RECORDED, JsonValue, decode, encode
 from executive.trace.record.lines import whole_lines
-from executive.trace.record.pictures import depth_to_png, read_depth, read_picture, to_jpeg
+from executive.trace.record.pictures import depth_to_png, jpegs, read_depth, read_picture
 from executive.types import (
     Decision,
     DepthImage,
@@ -142,11 +142,11 @@ class EventLog:
 
     def _without_pictures(self, look: Observation) -> dict[str, JsonValue]:
         """An observation with the names of the files, which are written, in place of its pictures."""
-        images = {} if self._complained else look.images
+        pictures = {} if self._complained else jpegs(look)
         depth = {} if self._complained else look.depth
         data: dict[str, JsonValue] = encode(replace(look, images={}, depth={}))
         data["images"] = {
-            camera: self._save(picture_name(look.id, camera), to_jpeg(image)) for camera, image in images.items()
+            camera: self._save(picture_name(look.id, camera), picture) for camera, picture in pictures.items()
         }
         data["depth"] = {
             camera: self._save(depth_name(look.id, camera), depth_to_png(image)) for camera, image in depth.items()

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
 
 from executive.errors import InputError
-from executive.types import DepthImage, Image
+from executive.types import DepthImage, Image, Observation
 from executive.util.files import read_bytes
 
 LARGEST, LARGEST_FILE = 50_000_000, 200_000_000
@@ -28,6 +30,13 @@ def to_jpeg(image: Image, quality: int = 90) -> bytes:
     buffer = io.BytesIO()
     Picture.fromarray(image).save(buffer, "JPEG", quality=quality)
     return buffer.getvalue()
+
+
+@lru_cache(maxsize=1)
+def jpegs(look: Observation) -> Mapping[str, bytes]:
+    """Return the pictures of an observation as JPEG, by camera. Record and viewer want the same ones, one after the
+    other: those of the last observation are kept."""
+    return MappingProxyType({camera: to_jpeg(image) for camera, image in look.images.items()})
 
 
 def from_jpeg(data: bytes) -> Image:

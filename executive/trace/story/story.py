@@ -184,7 +184,8 @@ class Story:
         """How many parts of the goal are believed to hold, and how many there are; None before the first look."""
         if self.started is None or not self.probability:
             return None
-        total = len(self.started.task.goal.conjuncts)
+        goal = self.started.task.goal
+        total = len(goal.facts) + len(goal.choices)  # its conjuncts, none of which has to be made for that
         return total - len(self.unreached()), total
 
     @property

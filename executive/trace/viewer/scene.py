@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import rerun as rr
 
-from executive.trace.record.pictures import to_jpeg
+from executive.trace.record.pictures import jpegs
 from executive.trace.story.last_look import LookLine
 from executive.trace.viewer.blueprint import CAMERAS, DEPTH, WORLD
 from executive.trace.viewer.colours import AMBER, BLUE, CYAN, DIM, RED, WHITE, Colour
@@ -115,10 +115,10 @@ class Scene:
 
     def show_pictures(self, observation: Observation) -> None:
         self.pictures = list(dict.fromkeys([*self.pictures, *map(plain, observation.images)]))
-        for name, image in observation.images.items():
-            self._sizes[plain(name)] = image.shape[1], image.shape[0]
-            picture = rr.EncodedImage(contents=to_jpeg(image), media_type="image/jpeg")
-            self._record.log(_camera(name), picture)
+        for name, encoded in jpegs(observation).items():
+            height, width = observation.images[name].shape[:2]
+            self._sizes[plain(name)] = width, height
+            self._record.log(_camera(name), rr.EncodedImage(contents=encoded, media_type="image/jpeg"))
         for name, depth in observation.depth.items():
             # Beside the picture, so that either can be looked at; in a view of space it would be a cloud of points.
             cloud = rr.DepthImage(

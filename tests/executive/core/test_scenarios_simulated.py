@@ -1,4 +1,5 @@
-"""The scenarios that are to be met on the real stack, each with the oracle and with the eye that comes along.
+"""The scenarios that are to be met on the real stack, each with the oracle and with the eye that comes along; by sight,
+those in which most depends on it (`by_sight`), and the others where there is time (`make test-slow`).
 
 The numbers are those of the project's list; 23 is in `test_run_resumed`. Nothing here hangs on an eye's exact
 probabilities: it may look again as often as it has to.
@@ -60,7 +61,10 @@ def shipped(problem: str) -> S3E:
     return open_estimator(EstimatorConfig(), load_domain("grocery", problem).subject)
 
 
-@pytest.fixture(params=["oracle", "vlm"])
+by_sight = pytest.mark.parametrize("prepared", ["oracle", "vlm"], indirect=True)
+
+
+@pytest.fixture(params=["oracle", pytest.param("vlm", marks=pytest.mark.slow)])
 def prepared(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Prepared]:
     """Puts a run of a problem of the grocery domain together, by default the smallest."""
     made: list[Run] = []
@@ -121,6 +125,7 @@ def test_01_a_failure_that_a_skill_reports_is_one_and_the_next_step_is_not_dispa
     assert (summary["outcome"], summary["goal_true"]) == ("goal-reached", True)
 
 
+@by_sight
 def test_02_a_skill_that_claims_what_it_did_not_do(prepared: Prepared) -> None:
     run, seen = prepared(faults=("miss@1",), seed=1)
     honest = run.executive.skills["pick"]
@@ -137,6 +142,7 @@ def test_02_a_skill_that_claims_what_it_did_not_do(prepared: Prepared) -> None:
     assert (summary["outcome"], summary["goal_true"]) == ("goal-reached", True)
 
 
+@by_sight
 def test_03_and_04_example_1_of_the_paper(prepared: Prepared) -> None:
     """The cereal is dropped, lands on another table, and the second plan fetches it from there."""
     run, seen = prepared("breakfast", faults=("drop@4",))
@@ -265,6 +271,7 @@ def test_20_cancelled_in_the_middle_of_a_skill_the_arm_stops_and_the_same_can_be
     assert run.truth.of([ON_WOOD])[ON_WOOD]
 
 
+@by_sight
 def test_25_what_lies_on_the_floor_costs_its_own_goal_alone(prepared: Prepared) -> None:
     run, seen = prepared("breakfast")
     on_the_floor(run, "cereal-box")
@@ -279,6 +286,7 @@ def test_25_what_lies_on_the_floor_costs_its_own_goal_alone(prepared: Prepared) 
     assert any(decision.kind is DecisionKind.GIVE_UP_GOAL for decision in of(seen, Decision))
 
 
+@by_sight
 @pytest.mark.parametrize("way", ["black", "frozen"])
 def test_26_a_camera_that_shows_nothing_new_is_left_out_and_nothing_else_changes(way: str, prepared: Prepared) -> None:
     run, seen = prepared(faults=(f"camera:front={way}@1-2",))
@@ -291,6 +299,7 @@ def test_26_a_camera_that_shows_nothing_new_is_left_out_and_nothing_else_changes
     assert not any("front" in looks[number] for number in after)
 
 
+@by_sight
 def test_26_without_any_camera_nothing_is_known_and_the_run_stops_by_name(prepared: Prepared) -> None:
     run, seen = prepared(faults=("camera:black@1-",))
     summary = run.execute()
@@ -311,6 +320,7 @@ def test_27_what_has_nothing_to_do_with_the_plan_is_believed_and_costs_nothing(p
     assert run.executive.run_state.known.only(moved) == true.only(moved)
 
 
+@by_sight
 def test_27_what_matters_later_repairs_the_plan(prepared: Prepared) -> None:
     run, seen = prepared("breakfast", faults=("shove@1:item=cereal-box,table=black-table",))
     summary = run.execute()

@@ -17,10 +17,12 @@ from executive.trace.record.pictures import (
     depth_from_png,
     depth_to_png,
     from_jpeg,
+    jpegs,
     read_depth,
     read_picture,
     to_jpeg,
 )
+from executive.types import Observation
 
 SHADES = np.linspace(0, 255, 24 * 32 * 3).astype(np.uint8).reshape(24, 32, 3)
 EPS = b"""%!PS-Adobe-3.0 EPSF-3.0
@@ -35,6 +37,15 @@ def test_what_is_written_is_nearly_read_back(tmp_path: Path) -> None:
     assert np.abs(from_jpeg(data).astype(int) - SHADES).max() < 20
     (tmp_path / "a.jpg").write_bytes(data)
     assert np.array_equal(read_picture(tmp_path / "a.jpg"), from_jpeg(data))
+
+
+def test_the_pictures_of_an_observation_are_encoded_once_and_are_its_own() -> None:
+    one, other = (Observation(0, 0.0, {"front": image}, np.zeros(6)) for image in (SHADES, SHADES[::-1].copy()))
+    first = jpegs(one)
+    assert jpegs(one) is first, "the record's and the viewer's"
+    assert dict(first) == {"front": to_jpeg(SHADES)}
+    assert dict(jpegs(other)) == {"front": to_jpeg(SHADES[::-1])}, "of the same look's number, and other pictures"
+    assert dict(jpegs(one)) == dict(first)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
