@@ -54,12 +54,14 @@ def open_monitor(
     witnesses: Mapping[str, WitnessModel] = MappingProxyType({}),
     calibration: Path | None = None,
     places: Path | None = None,
+    patience: float | None = None,
 ) -> Monitor:
     """Build a run's monitor, and find the task's mutex groups and, if there are few, its states for it.
 
     Args:
         estimator: the options of the estimator that it monitors; None for the oracle.
-        seconds: the wall time that finding the mutex groups may take.
+        seconds: the processor time that finding the mutex groups may take, and `patience` its wall time (by default
+            as much).
         oracle: the oracle's sensor model, unless `calibration` has another one; without it, it is exact.
         witnesses: how those err that tell of atoms beside the estimator, by name.
         calibration: the file with the sensor model; by default, the estimator's, or the one in its model's folder.
@@ -76,7 +78,7 @@ def open_monitor(
     counts = {} if domain.outcomes is None else sensor_fit.load_outcomes(domain.outcomes, domain.parsed.actions)
     sensor, thresholds = _sensor_model(config, domain, estimator, oracle or EXACT, calibration)
     learned = {} if places is None else read_places(places, domain)
-    found = find_mutexes(domain.parsed, timeout=seconds, leaves_open=domain.leaves_open)
+    found = find_mutexes(domain.parsed, timeout=seconds, patience=patience, leaves_open=domain.leaves_open)
     # Over listed states nothing says which of their atoms are hidden.
     space = None if domain.task.visible else list_states(domain.parsed, found)
     network = _network(domain, found, space)

@@ -70,6 +70,10 @@ __all__ = [
 ]
 
 
+_FINDING_GROUPS, _ON_A_BUSY_MACHINE = 30.0, 4.0
+"""Processor seconds that finding the mutex groups may take, and how many times as many wall seconds."""
+
+
 class Run:
     """One assembled run, ready to `execute`. A context manager that frees what it holds.
 
@@ -124,7 +128,7 @@ class Run:
             planner = open_planner(self.domain, config.planner)
             planner.warm_up()  # in the background
             if config.estimator != "none":
-                seconds = min(30.0, config.patience, config.settings().max_seconds)
+                patience = min(config.patience, config.settings().max_seconds)
                 oracle = oracle_sensor_model(config)
                 calibration = None if config.eye is None else config.eye.calibration
                 with stage("find mutex groups"):
@@ -132,11 +136,12 @@ class Run:
                         config.monitor,
                         self.domain,
                         estimator_config,
-                        seconds,
+                        min(_FINDING_GROUPS, patience),
                         oracle,
                         self._witness_models(),
                         calibration,
                         config.places,
+                        min(_ON_A_BUSY_MACHINE * _FINDING_GROUPS, patience),
                     )
             first_observation = 0 if self._past is None else self._past.observations
             with stage("build the world"):

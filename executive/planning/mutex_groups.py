@@ -55,17 +55,21 @@ class Mutexes(NamedTuple):
     actions: int | None = None
 
 
-def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = True) -> Mutexes:
+def find_mutexes(
+    schema: Schema, *, timeout: float = 30.0, patience: float | None = None, leaves_open: bool = True
+) -> Mutexes:
     """The mutex groups of a task. Unless its :init `leaves_open` where things are, it is taken as it is.
 
-    Where the translator does not finish within `timeout` seconds (wall time) or fails, there are none, and a warning is
-    logged: without groups there is no consistency, but nothing is wrong either.
+    Where the translator does not finish within `timeout` seconds of processor time, or all that is done within
+    `patience` seconds of wall time (by default as many), or it fails, there are none, and a warning is logged: without
+    groups there is no consistency, but nothing is wrong either. Processor time is what decides: what a run believes is
+    not to hang on how busy the machine is.
 
     Raises:
         MissingError: the translator is not installed.
     """
     translator_command()  # what is missing is an error, and not a translator that fails
-    text, deadline = PddlText(schema), time.monotonic() + timeout
+    text, deadline = PddlText(schema), time.monotonic() + (timeout if patience is None else patience)
     domain, declared = text.domain(FINISH), _declared(schema)
 
     def left() -> float:
@@ -74,11 +78,11 @@ def find_mutexes(schema: Schema, *, timeout: float = 30.0, leaves_open: bool = T
     try:
         state, sets = declared, list[frozenset[Atom]]()
         if leaves_open or schema.oneof or schema.unknown:
-            said = run_translator(domain, text.problem(declared), left(), module=_INVARIANTS)
+            said = run_translator(domain, text.problem(declared), left(), module=_INVARIANTS, processor=timeout)
             sets = _instances(said, text)
         if leaves_open:
             state = _Completion(schema, sets, deadline).complete()
-        sas = run_translator(domain, text.problem(state), left(), _OPTIONS)
+        sas = run_translator(domain, text.problem(state), left(), _OPTIONS, processor=timeout)
         found = _with_numbers(_extended(_read(sas, text), sets, schema, state), schema, state)
         groups = tuple(sorted(found, key=lambda group: group.atoms))
         return Mutexes(groups, state, sas.count("begin_operator") - 1)  # but for the one that finishes

@@ -59,8 +59,11 @@ class Ended:
         return last_words(self.said.splitlines())
 
 
-def run_program(command: Sequence[str], folder: Path, seconds: float, stdin: Path | None = None) -> Ended:
-    """Run a program in a folder for at most so many wall seconds. Nothing of it runs on afterwards, whatever happens.
+def run_program(
+    command: Sequence[str], folder: Path, seconds: float, stdin: Path | None = None, processor: float | None = None
+) -> Ended:
+    """Run a program in a folder for at most so many wall seconds, and about as many of the processor's unless
+    `processor` says how many of these. Nothing of it runs on afterwards, whatever happens.
 
     Raises:
         OSError: it cannot be started.
@@ -79,7 +82,7 @@ def run_program(command: Sequence[str], folder: Path, seconds: float, stdin: Pat
         )
     expired, said = False, ""
     try:
-        _limit(process.pid, math.ceil(seconds) + 1)
+        _limit(process.pid, math.ceil(seconds if processor is None else processor) + 1)
         _watch("+", process.pid)
         said, _ = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:

@@ -12,6 +12,7 @@ too, and no time is spent on proofs. Static atoms are what :init says, in this a
 from __future__ import annotations
 
 import contextlib
+import signal
 import tempfile
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -37,9 +38,15 @@ class TranslatorError(Exception):
 
 
 def run_translator(
-    domain: str, problem: str, seconds: float, options: Sequence[str] = (), module: str = TRANSLATOR
+    domain: str,
+    problem: str,
+    seconds: float,
+    options: Sequence[str] = (),
+    module: str = TRANSLATOR,
+    processor: float | None = None,
 ) -> str:
-    """Have one of the translator's programs look at a task: the file that it writes, or else what it prints.
+    """Have one of the translator's programs look at a task for so many wall seconds, and for so many of the
+    processor's: the file that it writes, or else what it prints.
 
     Raises:
         TranslatorError: it ends with an error, or not in time.
@@ -53,8 +60,8 @@ def run_translator(
         (folder / "domain.pddl").write_text(domain, encoding="ascii")
         (folder / "problem.pddl").write_text(problem, encoding="ascii")
         try:
-            ended = run_program(command, folder, seconds)
-            if ended.expired:
+            ended = run_program(command, folder, seconds, None, processor)
+            if ended.expired or ended.code == -signal.SIGXCPU:
                 raise TranslatorError("Fast Downward's translator did not finish in time", late=True)
             if ended.code:
                 raise TranslatorError(f"Fast Downward's translator failed ({ended.last_words})")

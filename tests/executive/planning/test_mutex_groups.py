@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Iterable
 from itertools import combinations
@@ -205,11 +206,12 @@ def test_groups_of_any_small_domain_hold_wherever_its_actions_lead(tmp_path: Pat
     holds(found, reachable(schema, found.state))
 
 
+@pytest.mark.parametrize("ended", [Ended(-signal.SIGKILL, "", expired=True), Ended(-signal.SIGXCPU, "", expired=False)])
 def test_a_translator_that_does_not_end_costs_the_groups_and_not_the_run(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ended: Ended, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     schema = load_domain(TRAY).parsed
-    monkeypatch.setattr(translation, "run_program", lambda *_: Ended(-9, "", expired=True))
+    monkeypatch.setattr(translation, "run_program", lambda *_: ended)
     assert find_mutexes(schema)[:2] == ((), schema.task.declared)
     assert "did not finish in time; answers are not made consistent" in caplog.text
 

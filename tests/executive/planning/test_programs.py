@@ -49,6 +49,12 @@ def test_its_time_is_up_for_all_that_it_started(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit another process")
+def test_what_it_computes_is_limited_apart_from_how_long_it_takes(tmp_path: Path) -> None:
+    ended = run_program(["sh", "-c", "while :; do :; done"], tmp_path, 600.0, processor=0.5)
+    assert (ended.code, ended.expired) == (-signal.SIGXCPU, False)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit another process")
 def test_it_cannot_take_all_memory(tmp_path: Path) -> None:
     script = f"block = bytearray({memory_limit()} + 1)"
     ended = run_program([sys.executable, "-c", script], tmp_path, 60.0)
