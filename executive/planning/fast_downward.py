@@ -84,6 +84,9 @@ _FEW = 100
 _MANY = 5_000
 """Grounded actions up to which LM-cut is asked at all."""
 
+_LARGE = 20_000
+"""Grounded actions above which the first plan is taken as it is: another search would take seconds."""
+
 _NEAR = 2.0
 """A plan that may be dearer than the best one by so much at most is worth a search for the best one."""
 
@@ -245,7 +248,7 @@ class _Question:
                 found = self._search(_LMCUT, 0.25)
                 if not isinstance(found, NoPlan):
                     return found
-        if self._expanded <= _EASY:
+        if self._expanded <= _EASY and len(self._task) <= _LARGE:
             others = [self._search(LAMA, 0.25)]
         return min([first, *(other for other in others if not isinstance(other, NoPlan))], key=_cost)
 

@@ -22,7 +22,7 @@ from executive.domain.pddl import Schema, read_task
 from executive.errors import MissingError
 from executive.planning.fast_downward import SOLVED, UNSOLVABLE, FastDownwardPlanner
 from executive.planning.goal_order import State, by_goals, replay
-from executive.planning.programs import SasFile, find_search
+from executive.planning.programs import Answer, SasFile, find_search
 from executive.planning.sas_task import GroundedTask
 from executive.protocols import Planner
 from executive.types import Atom, Condition, Facts, NoPlan, NoPlanReason, Plan
@@ -283,6 +283,24 @@ def test_an_order_of_steps_that_takes_too_long_to_find_is_left_as_it_is(planners
     order = list(schemas["breakfast"].goals)
     assert by_goals(EXAMPLE_1.true, other, goal, order) == found.steps
     assert by_goals(EXAMPLE_1.true, other, goal, order, stop=lambda: True) == other
+
+
+@pytest.mark.parametrize(("large", "names"), [(0, ["greedy"]), (10**6, ["greedy", "landmarks"])])
+def test_the_first_plan_of_a_large_task_is_taken_as_it_is(
+    schemas: Schemas, monkeypatch: pytest.MonkeyPatch, large: int, names: list[str]
+) -> None:
+    search, asked = SasFile.search, list[str]()
+
+    def counted(file: SasFile, text: str, seconds: float) -> Answer:
+        asked.append("landmarks" if "landmark" in text else "greedy")
+        return search(file, text, seconds)
+
+    monkeypatch.setattr(SasFile, "search", counted)
+    for name, most in (("_FEW", 0), ("_MANY", 0), ("_LARGE", large)):
+        monkeypatch.setattr(f"executive.planning.fast_downward.{name}", most)
+    schema = schemas["breakfast"]
+    assert isinstance(FastDownwardPlanner(schema).plan(EXAMPLE_1, schema.task.goal), Plan)
+    assert asked == names
 
 
 def test_an_atom_of_another_task_is_refused(planners: Planners) -> None:
