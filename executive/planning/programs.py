@@ -140,7 +140,7 @@ def _limit(pid: int, seconds: int) -> None:
     cannot any more."""
     if sys.platform == "linux":
         with contextlib.suppress(ProcessLookupError):
-            resource.prlimit(pid, resource.RLIMIT_CPU, (seconds, seconds))
+            resource.prlimit(pid, resource.RLIMIT_CPU, (seconds, seconds + 1))  # first it is told, then it is killed
             resource.prlimit(pid, resource.RLIMIT_AS, (memory_limit(), memory_limit()))
 
 

@@ -29,6 +29,10 @@ FILE = ("--sas-file", "task.sas")
 """Options that name the file which the translator writes."""
 
 
+_OUT_OF_TIME = (21, -signal.SIGXCPU)
+"""Exit codes of a translator that has used up its processor time: with and without a last word."""
+
+
 class TranslatorError(Exception):
     """The translator failed, or was not done in time (`late`)."""
 
@@ -61,7 +65,7 @@ def run_translator(
         (folder / "problem.pddl").write_text(problem, encoding="ascii")
         try:
             ended = run_program(command, folder, seconds, None, processor)
-            if ended.expired or ended.code == -signal.SIGXCPU:
+            if ended.expired or ended.code in _OUT_OF_TIME:
                 raise TranslatorError("Fast Downward's translator did not finish in time", late=True)
             if ended.code:
                 raise TranslatorError(f"Fast Downward's translator failed ({ended.last_words})")

@@ -206,7 +206,7 @@ def test_groups_of_any_small_domain_hold_wherever_its_actions_lead(tmp_path: Pat
     holds(found, reachable(schema, found.state))
 
 
-@pytest.mark.parametrize("ended", [Ended(-signal.SIGKILL, "", expired=True), Ended(-signal.SIGXCPU, "", expired=False)])
+@pytest.mark.parametrize("ended", [Ended(-signal.SIGKILL, "", expired=True), Ended(21, "", expired=False)])
 def test_a_translator_that_does_not_end_costs_the_groups_and_not_the_run(
     ended: Ended, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
