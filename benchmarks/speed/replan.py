@@ -89,9 +89,7 @@ def large(rounds: int) -> Row:
             ours.append(_spent(lambda: planner.plan(state, task.goal))[0])
             alone.append(_spent(lambda: file.search(search.text.format(**EVALUATORS), 300.0))[0])
     mine, other = statistics.median(ours), statistics.median(alone)
-    note = (
-        f"{len(task.atoms):,} fluents, {len(grounded):,} actions, {found.planner}; the first one takes {first:.1f} s"
-    )
+    note = f"{len(task.atoms):,} fluents, {len(grounded):,} actions, {found.planner}; the first one takes {first:.1f} s"
     return Row("replan, large", mine, other, "s", "half", mine <= 2 * other, "the engine alone, same file", note)
 
 
