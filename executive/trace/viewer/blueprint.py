@@ -35,7 +35,7 @@ the legend to stand beside the curves."""
 _PHASES = 30.0
 """Seconds of a run whose phases can be told apart."""
 
-GRAPH_WIDTH, GRAPH_HEIGHT = 1040.0, 204.0
+GRAPH_WIDTH, GRAPH_HEIGHT = 1040.0, 228.0
 """What the plan's panel shows, in its own units; the plan is laid out within (see
 `executive.trace.viewer.plan_graph`)."""
 
@@ -89,7 +89,7 @@ def blueprint(shown: Shown) -> rrb.Blueprint:
                 time_view=axis,
             ),
         ),
-        row_shares=[37, 24, 39] if space else [38, 62],
+        row_shares=[36, 26, 38] if space else [38, 62],
     )
     return rrb.Blueprint(
         rrb.Horizontal(world, _mind(shown), column_shares=[62, 38]),

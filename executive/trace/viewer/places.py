@@ -15,8 +15,11 @@ from executive.types import Atom, Judged, Started, Task
 MOST_THINGS = 2
 """How many things there is room for."""
 
-_ROW, _GAP, _LABEL = 22.0, 14.0, 210.0
-"""Units from a bar to the next, from a thing to the next, and from the left to where bars begin."""
+_ROW, _GAP = 22.0, 14.0
+"""Units from a bar to the next, and from a thing to the next."""
+_LETTER, _FRAME, _MOST = 10.0, 24.0, 0.65 * PLACES_WIDTH
+"""Units that a letter and a label's frame take in a window of 1280x800 pixels, where they take most; a label's letters
+have the same size in every window. Bars begin behind the longest one, or here."""
 _ABOVE = 5.0
 """A label hangs below its point by so much."""
 _LEAST = 0.005
@@ -60,13 +63,14 @@ class Places:
         if not self._bars:
             return
         chances = [judged.probability.get(bar.atom, 0.0) for bar in self._bars]
-        room = PLACES_WIDTH - _LABEL - 60.0
+        names = [f"{bar.label}: {chance:.2f}" for bar, chance in zip(self._bars, chances, strict=True)]
+        left = min(_LETTER * max(map(len, names)) + _FRAME, _MOST)
+        room = PLACES_WIDTH - left - _FRAME
         told = [(bar, chance) for bar, chance in zip(self._bars, chances, strict=True) if chance >= _LEAST]
-        strips = [[(_LABEL, bar.y), (_LABEL + room * chance, bar.y)] for bar, chance in told]
+        strips = [[(left, bar.y), (left + room * chance, bar.y)] for bar, chance in told]
         colours = [self._colour(bar.atom, judged) for bar, _ in told]
         self._record.log([PLACES, "bars"], rr.LineStrips2D(strips, colors=colours, radii=0.3 * _ROW))
-        names = [f"{bar.label}: {chance:.2f}" for bar, chance in zip(self._bars, chances, strict=True)]
-        at = [(0.5 * _LABEL, bar.y - _ABOVE) for bar in self._bars]
+        at = [(0.5 * (left - _FRAME), bar.y - _ABOVE) for bar in self._bars]
         self._record.log([PLACES, "names"], rr.Points2D(at, labels=names, radii=0.01, colors=_NAME, show_labels=True))
 
     def _colour(self, atom: Atom, judged: Judged) -> Colour:

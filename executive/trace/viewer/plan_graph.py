@@ -20,8 +20,8 @@ LETTER, FRAME = 7.0, 10.0
 """How wide a letter and a node's frame are, in the panel's units."""
 APART = 170.0
 """How far the nodes of a short row are apart, unless their names are longer, in the panel's units."""
-MARGIN = 46.0
-"""From the edge to the middle of a row's first and last node, in the panel's units."""
+MARGIN, EDGE = 46.0, 6.0
+"""From the edge to the middle of a row's first node, and the least from the edge to any node, in the panel's units."""
 
 
 @dataclass
@@ -47,9 +47,9 @@ def plan_rows(story: Story) -> list[Row]:
 def plan_graph(rows: Sequence[Row]) -> tuple[rr.GraphNodes, rr.GraphEdges]:
     """The same as the viewer has it."""
     longest = max((len(line) for row in rows for _, label, _ in row.nodes for line in label.split("\n")), default=1)
-    widest = max(APART, LETTER * longest + FRAME)
-    across = min((GRAPH_WIDTH - 2 * MARGIN) / max([1, *(len(row.nodes) - 1 for row in rows)]), widest)
-    down = GRAPH_HEIGHT / (len(rows) or 1)
+    width = LETTER * longest + FRAME
+    across = min(_across(width) / max([1, *(len(row.nodes) - 1 for row in rows)]), max(APART, width))
+    down = (GRAPH_HEIGHT - 2 * EDGE) / (len(rows) or 1)
     nodes = [node for row in rows for node in row.nodes]
     return (
         rr.GraphNodes(
@@ -57,7 +57,7 @@ def plan_graph(rows: Sequence[Row]) -> tuple[rr.GraphNodes, rr.GraphEdges]:
             labels=[label for _, label, _ in nodes],
             colors=[colour for _, _, colour in nodes],
             positions=[
-                (MARGIN + column * across, (number + 0.5) * down)
+                (MARGIN + column * across, EDGE + (number + 0.5) * down)
                 for number, row in enumerate(rows)
                 for column in range(len(row.nodes))
             ],
@@ -70,6 +70,11 @@ def plan_graph(rows: Sequence[Row]) -> tuple[rr.GraphNodes, rr.GraphEdges]:
     )
 
 
+def _across(width: float) -> float:
+    """Return how far the middle of the last node may be from that of the first, where nodes are as wide as that."""
+    return GRAPH_WIDTH - MARGIN - max(MARGIN, width / 2 + EDGE)
+
+
 def _rows(plan: PlanLine, is_current: bool, room: int) -> Sequence[Row]:
     """Return a plan in at most `room` rows. Of one that another took the place of, what was never begun is counted
     alone."""
@@ -78,7 +83,8 @@ def _rows(plan: PlanLine, is_current: bool, room: int) -> Sequence[Row]:
         lines = lines[: 1 + max((at for at, line in enumerate(lines) if line.mark is not Mark.DROPPED), default=-1)]
     labels = [step_label(line) for line in lines]
     longest = max((len(text) for label in labels for text in label.split("\n")[:3]), default=1)
-    columns = max(1, min(COLUMNS, int((GRAPH_WIDTH - 2 * MARGIN) / (LETTER * longest + FRAME))))
+    width = LETTER * longest + FRAME
+    columns = max(1, min(COLUMNS, int(_across(width) / width)))
     rows = []
     for first in range(0, max(1, len(lines)), columns):
         row, last = Row(), min(first + columns, len(lines))

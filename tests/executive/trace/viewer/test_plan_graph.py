@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from executive.trace.story.story import Mark, PlanLine, StepLine, Story
 from executive.trace.viewer.blueprint import GRAPH_HEIGHT, GRAPH_WIDTH
-from executive.trace.viewer.plan_graph import COLUMNS, LETTER, ROWS, plan_graph, plan_rows
+from executive.trace.viewer.plan_graph import COLUMNS, EDGE, FRAME, LETTER, ROWS, plan_graph, plan_rows
 from executive.trace.viewer.text_panels import step_label
 from executive.types import Plan, Step
 
@@ -93,3 +93,20 @@ def test_steps_with_long_names_are_drawn_apart() -> None:
     assert nodes.positions is not None
     across = sorted({round(x, 3) for x, _ in nodes.positions.as_arrow_array().to_pylist()})
     assert min(b - a for a, b in pairwise(across)) >= LETTER * len(step.args[0])
+
+
+@given(st.integers(1, 40), st.integers(1, 28))
+def test_no_box_reaches_the_edge_of_the_panel(steps: int, letters: int) -> None:
+    step = Step.strips("a" * letters, ("b",))
+    story = Story()
+    plan = Plan((step,) * steps, 1.0, "fake", 0.0)
+    story.plans.append(PlanLine(1, [StepLine(step, PENDING) for _ in range(steps)], plan))
+    nodes, _ = plan_graph(plan_rows(story))
+    assert nodes.positions is not None
+    assert nodes.labels is not None
+    labels = nodes.labels.as_arrow_array().to_pylist()
+    for label, (x, y) in zip(labels, nodes.positions.as_arrow_array().to_pylist(), strict=True):
+        lines = label.split("\n")
+        half = (LETTER * max(map(len, lines)) + FRAME) / 2
+        assert EDGE <= x + half <= GRAPH_WIDTH - EDGE
+        assert EDGE <= y - 34 < y + 34 <= GRAPH_HEIGHT - EDGE, "four lines are 68 units high"
