@@ -3,7 +3,7 @@ PY := .venv/bin/python
 SOURCES := executive skills tests benchmarks examples
 BENCHMARKS := $(notdir $(basename $(wildcard benchmarks/[a-z]*.py))) $(patsubst benchmarks/%/__main__.py,%,$(wildcard benchmarks/*/__main__.py))
 
-.PHONY: help setup run quick test test-slow docs bench example pictures lint format-check types arrows unit format clean
+.PHONY: help setup run quick test test-slow docs bench example pictures gallery lint format-check types arrows unit format clean
 
 help:
 	@echo "make run        set up, then sort the groceries with a dropped item on the way"
@@ -14,6 +14,7 @@ help:
 	@echo "make bench      set up, then every benchmark, printed (long; make bench BENCHMARKS=monitor for one)"
 	@echo "make example    set up, then make the run in runs/example anew"
 	@echo "make pictures   set up, then draw the pictures in docs/images anew"
+	@echo "make gallery    make the films and recordings in docs/gallery anew (ten minutes)"
 	@echo "make setup      the set-up alone; PYTHON=... names the interpreter"
 	@echo "make format     rewrite the sources as format-check wants them"
 	@echo "make clean      remove .venv and everything that tools leave behind (runs/ stays)"
@@ -66,6 +67,10 @@ example: setup
 # A run with a drop and a recovery in the viewer, as README shows it.
 pictures: setup
 	$(PY) scripts/pictures
+
+# Of each domain a run in which something goes wrong, as docs/gallery shows it.
+gallery: setup
+	$(PY) -m benchmarks.gallery.make
 
 format: setup
 	$(PY) -m ruff check --fix $(SOURCES)

@@ -1,4 +1,5 @@
-"""What the site has beyond the files in docs/: two pages that are made when it is built, and links out of it."""
+"""What the site has beyond the files in docs/: pages that are made when it is built, of the notebooks and of the command
+line, and links out of it."""
 
 from __future__ import annotations
 
@@ -15,23 +16,22 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parent.parent
-NOTEBOOK = "tutorials/library.ipynb"
+NOTEBOOKS = "tutorials/*.ipynb"
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)#:\s]+)(#[^)]*)?\)")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the page of the notebook and that of the command line."""
-    notebook = Path(config.docs_dir, NOTEBOOK).read_text(encoding="utf-8")
-    for name, text in (
-        (NOTEBOOK.replace(".ipynb", ".md"), "".join(_cells(json.loads(notebook)))),
-        ("reference/command-line.md", "".join(_commands())),
-    ):
+    """Add the pages of the notebooks and that of the command line."""
+    for notebook in sorted(Path(config.docs_dir).glob(NOTEBOOKS)):
+        text = "".join(_cells(json.loads(notebook.read_text(encoding="utf-8"))))
+        name = notebook.relative_to(config.docs_dir).with_suffix(".md").as_posix()
         files.append(File.generated(config, name, content=text))
+    files.append(File.generated(config, "reference/command-line.md", content="".join(_commands())))
     return files
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Show links to files outside docs/ as their text alone, and check that the files exist; those to the notebook lead
+    """Show links to files outside docs/ as their text alone, and check that the files exist; those to a notebook lead
     to its page."""
 
     def replaced(match: re.Match[str]) -> str:

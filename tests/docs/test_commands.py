@@ -166,7 +166,8 @@ def test_make_run_is_the_first_command() -> None:
     assert f"run: setup\n\t.venv/bin/{first}\n" in (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
-def test_the_browser_gets_its_page(workplace: Path) -> None:
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
+def test_the_browser_gets_its_page_until_a_signal_comes(number: signal.Signals, code: int, workplace: Path) -> None:
     assert any("inspect runs/<id> --web" in block.text for block in SHELL)
     command = [sys.executable, "-m", "executive", "inspect", "runs/example", "--web"]
     # Whoever runs the tests in the background has them ignore SIGINT; this one is to hear it.
@@ -177,9 +178,11 @@ def test_the_browser_gets_its_page(workplace: Path) -> None:
             address = process.stdout.readline().split()[0]
             page = _fetched(address.partition("?")[0])
         finally:
-            process.send_signal(signal.SIGINT)
-    assert process.returncode == 0
+            process.send_signal(number)
+    assert process.returncode == code
     assert b"<html" in page.lower()
+    with pytest.raises(OSError):  # the viewer, which is another process, has ended with it
+        urllib.request.urlopen(address.partition("?")[0], timeout=10)
 
 
 def _fetched(address: str) -> bytes:

@@ -1,4 +1,4 @@
-"""The notebook, cell by cell: it runs, and prints what it shows."""
+"""The notebooks, cell by cell: they run, and print what they show."""
 
 from __future__ import annotations
 
@@ -6,13 +6,22 @@ import ast
 import contextlib
 import io
 import json
+from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
+import pytest
+from matplotlib import pyplot
 from PIL import Image as Picture
 
 from tests.docs.following import DOCS
 
-NOTEBOOK = json.loads((DOCS / "tutorials" / "library.ipynb").read_text(encoding="utf-8"))
+NOTEBOOKS = sorted((DOCS / "tutorials").glob("*.ipynb"))
+PICTURES = {"failure": 4, "library": 2}
+
+
+def cells(notebook: Path) -> list[dict[str, Any]]:
+    return list(json.loads(notebook.read_text(encoding="utf-8"))["cells"])
 
 
 def run(source: str, names: dict[str, Any]) -> Any:
@@ -24,23 +33,29 @@ def run(source: str, names: dict[str, Any]) -> Any:
     return eval(compile(ast.Expression(last.value), "notebook", "eval"), names) if isinstance(last, ast.Expr) else None
 
 
-def test_it_runs_and_prints_what_it_shows() -> None:
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
+def test_it_runs_and_prints_what_it_shows(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": "__main__"}
     pictures = 0
-    for number, cell in enumerate(NOTEBOOK["cells"]):
-        if cell["cell_type"] != "code":
-            continue
-        with contextlib.redirect_stdout(io.StringIO()) as printed:
-            value = run("".join(cell["source"]), names)
-        shown = [output for output in cell["outputs"] if output["output_type"] == "stream"]
-        assert printed.getvalue() == "".join("".join(output["text"]) for output in shown), f"cell {number}"
-        drawn = [output for output in cell["outputs"] if output["output_type"] != "stream"]
-        assert isinstance(value, Picture.Image) == bool(drawn), f"cell {number}"
-        pictures += len(drawn)
-    assert pictures == 2
+    with mpl.rc_context({"backend": "Agg"}):
+        for number, cell in enumerate(cells(notebook)):
+            if cell["cell_type"] != "code":
+                continue
+            with contextlib.redirect_stdout(io.StringIO()) as printed:
+                value = run("".join(cell["source"]), names)
+            shown = [output for output in cell["outputs"] if output["output_type"] == "stream"]
+            assert printed.getvalue() == "".join("".join(output["text"]) for output in shown), f"cell {number}"
+            drawn = [output for output in cell["outputs"] if output["output_type"] != "stream"]
+            made = len(pyplot.get_fignums()) + isinstance(value, Picture.Image)
+            pyplot.close("all")
+            assert made == len(drawn), f"cell {number}"
+            pictures += made
+    assert pictures == PICTURES[notebook.stem]
 
 
-def test_it_is_small_and_was_run_in_order() -> None:
-    counts = [cell["execution_count"] for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
+def test_it_is_small_and_was_run_in_order(notebook: Path) -> None:
+    counts = [cell["execution_count"] for cell in cells(notebook) if cell["cell_type"] == "code"]
     assert counts == list(range(1, len(counts) + 1))
-    assert (DOCS / "tutorials" / "library.ipynb").stat().st_size < 200_000
+    assert notebook.stat().st_size < 200_000

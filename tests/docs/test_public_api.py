@@ -1,4 +1,4 @@
-"""README, docs, examples and the notebook import what is public and nothing else, and the reference shows all of it."""
+"""README, docs, examples and notebooks import what is public and nothing else, and the reference shows all of it."""
 
 from __future__ import annotations
 
@@ -29,11 +29,14 @@ SHOWN = {
         for file in sorted((ROOT / "examples").rglob("*.py"))
     },
     **{str(block): block.text for page in DOCUMENTS for block in blocks(page) if block.language == "python"},
-    "library.ipynb": "\n".join(
-        "".join(cell["source"])
-        for cell in json.loads((DOCS / "tutorials" / "library.ipynb").read_text(encoding="utf-8"))["cells"]
-        if cell["cell_type"] == "code"
-    ),
+    **{
+        notebook.name: "\n".join(
+            "".join(cell["source"])
+            for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+            if cell["cell_type"] == "code"
+        )
+        for notebook in sorted((DOCS / "tutorials").glob("*.ipynb"))
+    },
 }
 
 

@@ -16,6 +16,8 @@ PURPLE: Colour = (170, 120, 230)
 GREY: Colour = (150, 156, 166)
 DIM: Colour = (95, 100, 110)
 WHITE: Colour = (225, 228, 232)
+SILVER: Colour = (140, 158, 185)
+"""For what has no meaning and may stand on a light ground as well: in a browser that asks for it, panels are light."""
 
 COLOUR_OF: dict[Mark | Standing, Colour] = {
     Mark.PENDING: GREY,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from executive.trace import phrases
 from executive.trace.story.story import Story
-from executive.trace.viewer.colours import AMBER, BLUE, GREEN, PURPLE, RED, WHITE, Colour
+from executive.trace.viewer.colours import AMBER, BLUE, GREEN, PURPLE, RED, SILVER, Colour
 from executive.types import (
     Blinded,
     Decision,
@@ -44,7 +44,7 @@ class LogLine(NamedTuple):
 _LEVELS: Mapping[type, tuple[str, Colour]] = {
     Blinded: ("LOOK", RED),
     Guarded: ("GUARD", AMBER),
-    Resumed: ("PROCESS", WHITE),
+    Resumed: ("PROCESS", SILVER),
     Moved: ("MOVE", BLUE),
     NoPlan: ("PLAN", RED),
     FaultInjected: ("FAULT", PURPLE),
@@ -66,7 +66,7 @@ def log_lines(payload: Payload, story: Story) -> list[LogLine]:
         case PosesEstimated(left_out=left_out):
             return [LogLine(phrases.depth_left_out(*each), "POSES", AMBER) for each in left_out.items()]
         case Plan(steps=steps):
-            return [LogLine(phrases.plan_title(len(story.plans), len(steps)), "PLAN", WHITE)]
+            return [LogLine(phrases.plan_title(len(story.plans), len(steps)), "PLAN", SILVER)]
         case Ended(outcome=outcome):
             return [LogLine(phrases.event(payload), "END", outcome_colour(outcome))]
         case Guarded(held=True) | SkillResult(status=SkillStatus.DONE):

@@ -11,7 +11,7 @@ import rerun as rr
 from executive.trace import phrases
 from executive.trace.story.story import Mark, PlanLine, Story
 from executive.trace.viewer.blueprint import GRAPH_HEIGHT, GRAPH_WIDTH
-from executive.trace.viewer.colours import COLOUR_OF, DIM, WHITE, Colour
+from executive.trace.viewer.colours import COLOUR_OF, DIM, SILVER, Colour
 from executive.trace.viewer.text_panels import plain, step_label
 
 ROWS, COLUMNS = 3, 10
@@ -90,7 +90,9 @@ def _rows(plan: PlanLine, is_current: bool, room: int) -> Sequence[Row]:
         row, last = Row(), min(first + columns, len(lines))
         some = f"\n{first + 1} to {last}" if len(lines) > columns else ""
         row.add(
-            f"plan {plan.number}.{first}", f"plan {plan.number}\n{phrases.plural(len(plan.lines), 'step')}{some}", WHITE
+            f"plan {plan.number}.{first}",
+            f"plan {plan.number}\n{phrases.plural(len(plan.lines), 'step')}{some}",
+            SILVER,
         )
         for at, line in enumerate(lines[first:last], start=first):
             row.add(f"{plan.number}.{at}", labels[at], COLOUR_OF[line.mark])

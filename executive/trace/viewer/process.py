@@ -10,9 +10,11 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import FrameType
 from typing import IO, TYPE_CHECKING
 from urllib.parse import quote
 
@@ -151,7 +153,7 @@ def started(command: list[str], environment: Mapping[str, str]) -> Iterator[tupl
 
     `rerun` is a wrapper around the real viewer, so both are put into a process group of their own.
     """
-    with tempfile.TemporaryFile() as output:
+    with _signals_raise(), tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=environment, start_new_session=True
         )
@@ -161,6 +163,25 @@ def started(command: list[str], environment: Mapping[str, str]) -> Iterator[tupl
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+
+
+@contextlib.contextmanager
+def _signals_raise() -> Iterator[None]:
+    """Have SIGTERM and SIGHUP raise SystemExit where nobody handles them: of themselves they end a process at once, and
+    leave what it has started running."""
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    signals = [signal.SIGTERM, signal.SIGHUP] if threading.current_thread() is threading.main_thread() else []
+    handled = [each for each in signals if signal.getsignal(each) is signal.SIG_DFL]
+    for each in handled:
+        signal.signal(each, leave)
+    try:
+        yield
+    finally:
+        for each in handled:
+            signal.signal(each, signal.SIG_DFL)
 
 
 def free_port() -> int:

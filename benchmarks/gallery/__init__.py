@@ -1,0 +1,1 @@
+"""The films and recordings in docs/gallery."""
