@@ -35,4 +35,4 @@ class TestFastDownwardPlanner(_Breakfast):
 
 class TestUnifiedPlanner(_Breakfast):
     def make(self) -> Planner:
-        return UnifiedPlanner(SCHEMA, "fast-downward-opt")
+        return UnifiedPlanner(SCHEMA, "fast-downward-opt", timeout=300.0)  # however busy the machine is
