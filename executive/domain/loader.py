@@ -21,6 +21,7 @@ from executive.domain.pddl import Schema, ground_priors, read_task, read_vocabul
 from executive.domain.pddl.random_action import draw_action
 from executive.errors import DomainError, nearest
 from executive.types import Atom, Step, Task
+from executive.types.visibility import Visibility
 from executive.util.files import read_toml
 
 DOMAIN, PROBLEM, QUESTIONS, INSTRUCTIONS = "domain.pddl", "problem.pddl", "questions.toml", "instructions.md"
@@ -247,6 +248,19 @@ def load_subject(where: str | Path, problem: str | None = None) -> Subject:
         seen = _looked_at(manifest, questions)
     task = read_vocabulary(domain_file, problem_file, seen)
     return Subject(folder.resolve().name, task, domain_file, questions, instructions)
+
+
+def load_visibility(where: str | Path, problem: str | None = None) -> Visibility:
+    """Read under which conditions a domain's atoms can be seen; a folder without a manifest states none.
+
+    Raises:
+        DomainError: the first mistake, in one line with its file and key.
+    """
+    if os.path.isfile(Path(where) / DOMAIN) and not (Path(where) / MANIFEST).exists():
+        return Visibility()
+    manifest = Source(_locate(where)).manifest()
+    stated = any(table.visible is not None for table in manifest.predicates.values())
+    return load_domain(where, problem).task.visibility if stated else Visibility()
 
 
 def _looked_at(manifest: Manifest, questions: Path | None) -> frozenset[str]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from executive.app.config import EstimatorConfig
 from executive.app.estimators import load_calibration, with_default_model
-from executive.domain.loader import Domain
+from executive.domain.loader import Domain, load_visibility
 from executive.errors import InputError, OptionError
 from executive.lab.collection import dataset
 from executive.lab.collection.collect import version_of
@@ -34,7 +34,8 @@ from executive.lab.evaluation.looks import OPENING, Look, Observer, Opened, Said
 from executive.lab.evaluation.metrics import Answers
 from executive.lab.evaluation.mistakes import Mistakes
 from executive.lab.evaluation.varying import Varying, columns
-from executive.types import Belief, FloatArray
+from executive.types import Atom, Belief, FloatArray
+from executive.types.visibility import Visibility
 from executive.util.files import home
 
 FRUITLESS = 10
@@ -87,6 +88,7 @@ class Evaluator:
             self._check_atoms()
         else:
             self._check_varying()
+        self._visibility = Visibility() if self._varying else load_visibility(config.domain, config.problem)
         if self._drawing is not None:
             _check_scene(self._drawing, self._manifest, warn)
         self._shown = Shown(config, self.subject, self._drawing)
@@ -189,9 +191,10 @@ class Evaluator:
         questions = opened.questions
         for number, point in enumerate(points, start=1):
             atoms = self._shown.atoms(point)
+            hidden = self._hidden(point)
             probability = zip(atoms, told[number].probability, strict=True)
-            known = {atom: value for atom, value in probability if value is not None}
-            belief = Belief(number, known, frozenset(atoms) - known.keys())
+            known = {atom: value for atom, value in probability if value is not None and atom not in hidden}
+            belief = Belief(number, known, frozenset(atoms) - known.keys() - hidden)
             look = Look(number, point.episode, point.step - 1)
             text = self._shown.questions(point, questions).text
             self.mistakes.add(point, belief, lambda look=look: self._shown.pictures(self._shown.point(look)), text)  # type: ignore[misc]
@@ -213,12 +216,17 @@ class Evaluator:
             for row, point in enumerate(points):
                 held_out[row, : len(point.facts)] = self._varying.held_out(point)
             return Answers(atoms, probability, truth, which), self._varying.groups(points), held_out
-        answers = Answers(
-            self.atoms,
-            np.array([[math.nan if p is None else p for p in told[n].probability] for n in sorted(told)]),
-            np.array([[point.facts[atom] for atom in self.atoms] for point in points]),
-        )
-        return answers, {}, None
+        probability = np.array([[math.nan if p is None else p for p in told[n].probability] for n in sorted(told)])
+        truth = np.array([[point.facts[atom] for atom in self.atoms] for point in points])
+        if not self._visibility:
+            return Answers(self.atoms, probability, truth), {}, None
+        hidden = np.array([[atom in self._hidden(point) for atom in self.atoms] for point in points])
+        asked = np.where(hidden, -1, np.arange(len(self.atoms)))
+        return Answers(self.atoms, np.where(hidden, math.nan, probability), truth, asked), {}, None
+
+    def _hidden(self, point: Point) -> frozenset[Atom]:
+        """The atoms of which no picture of this moment can show whether they are true."""
+        return self._visibility.hidden(point.facts) if self._visibility else frozenset()
 
     def _same(self, opened: Opened) -> dict[str, Any]:
         """Everything that the answers depend on, except for the number of looks."""

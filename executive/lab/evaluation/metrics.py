@@ -36,8 +36,8 @@ class Answers:
     """What was said of every atom in every look, and what is true.
 
     `probability` (looks, atoms) is in 0..1, NaN where unanswered; `truth` (looks, atoms) bool. Where looks are at
-    different objects, columns are not atoms: `which` (looks, columns) is the number of the atom that each is about, -1
-    for none, which is asked nothing.
+    different objects, columns are not atoms, and not all of them can be seen everywhere: `which` (looks, columns) is
+    the number of the atom that each is about, -1 for none, which is asked nothing.
     """
 
     atoms: tuple[Atom, ...]
@@ -67,6 +67,14 @@ class Answers:
     def asked(self) -> BoolArray:
         """What was asked at all, (looks, columns)."""
         return np.ones(self.truth.shape, np.bool_) if self.which is None else self.which >= 0
+
+    @property
+    def has_columns(self) -> bool:
+        """Whether each atom has a column of its own, asked or not: looks are at the same objects."""
+        columns = np.arange(self.truth.shape[1])
+        return self.which is None or bool(
+            len(columns) == len(self.atoms) and ((self.which == columns) | (self.which < 0)).all()
+        )
 
     @property
     def unanswered(self) -> BoolArray:

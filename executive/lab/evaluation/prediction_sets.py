@@ -35,7 +35,7 @@ def write(folder: Path, evaluation: Evaluation) -> Path:
         InputError: there is something in the folder, or it cannot be written.
     """
     answers = evaluation.answers
-    if answers.which is not None:
+    if not answers.has_columns:
         raise InputError("has other objects in each episode, which prediction sets with one truth do not tell")
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -43,7 +43,7 @@ def write(
         named = distinct([evaluation, *beside])
         series = {name: each.answers for name, each in named.items()}
         pictures = {CURVES: plots.precision_recall(series, _atoms(evaluation.answers, published))}
-        if all(answers.which is None for answers in series.values()):  # else there are too many atoms for a picture
+        if all(answers.has_columns for answers in series.values()):  # else there are too many atoms for a picture
             pictures[PRECISIONS] = plots.average_precisions(series)
         for name, png in pictures.items():
             write_atomically(folder / name, png)
@@ -52,7 +52,7 @@ def write(
             pictures[RELIABILITY] = (folder / RELIABILITY).read_bytes()
         if mistakes:
             write_atomically(folder / SHEET, draw(mistakes))
-        mistaken = int((~evaluation.answers.right(HALF)).any(axis=1).sum())
+        mistaken = int((evaluation.answers.asked & ~evaluation.answers.right(HALF)).any(axis=1).sum())
         figures = {heading: (text, pictures[name]) for name, (heading, text) in _FIGURES.items() if name in pictures}
         source = published.source if published is not None else ""
         text = page.page(made, rows(named, published), source, figures, mistakes, mistaken)
@@ -127,7 +127,7 @@ _FIGURES = {
 
 def _atoms(answers: Answers, published: Published | None) -> list[Atom]:
     """The atoms whose curves are drawn: those that were published, and the one with the lowest."""
-    if answers.which is not None:
+    if not answers.has_columns:
         return []
     known = {atom: value for atom in answers.atoms if (value := average_precision(answers.of(atom))) is not None}
     worst = [min(known, key=lambda atom: known[atom])] if known else []

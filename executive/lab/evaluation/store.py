@@ -41,13 +41,13 @@ def document(evaluation: Evaluation) -> dict[str, Any]:
     answers, surprising = evaluation.answers, evaluation.surprising
     parts = {"expected": answers.where(~surprising), "surprising": answers.where(surprising)}
     # Where objects change, atoms may be thousands, each in a few looks.
-    each = answers.atoms if answers.which is None else ()
+    each = answers.atoms if answers.has_columns else ()
     made = {
         "name": evaluation.name,
         "looks": answers.looks,
         **scores(answers).document(),
         "seconds_per_look": round(evaluation.seconds_per_look, 4),
-        "never_true": [str(atom) for atom in never_true(answers)] if answers.which is None else [],
+        "never_true": [str(atom) for atom in never_true(answers)] if answers.has_columns else [],
         "about": dict(evaluation.about),
         "looks_by_action": {name: {"looks": part.looks, **scores(part).document()} for name, part in parts.items()},
         "predicates": {name: scores(answers.of(name)).document() for name in answers.predicates},

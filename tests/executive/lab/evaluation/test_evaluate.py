@@ -7,6 +7,7 @@ import math
 import os
 import re
 import shlex
+import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -128,6 +129,35 @@ def test_a_mistake_is_counted_and_shown(data: Path, model: Any) -> None:
     assert worst.answers[0].probability == pytest.approx(0.9)
     assert QUESTIONS[worst.answers[0].question] == RED_IN_TRAY
     assert looks.number_of(worst.picture[:, : worst.picture.shape[1] // 3]) == 4
+
+
+def test_what_no_picture_can_show_is_neither_scored_nor_shown_as_a_mistake(
+    data: Path, model: Any, tmp_path: Path
+) -> None:
+    domain = tmp_path / "tray"
+    shutil.copytree(looks.TRAY, domain)
+    manifest = (domain / "domain.toml").read_text(encoding="utf-8")
+    covered = manifest.replace("[predicates.resting-on]", '[predicates.resting-on]\nvisible = "(hand-free)"')
+    (domain / "domain.toml").write_text(covered, encoding="utf-8")
+
+    def wrong(number: int, atom: Atom, truth: bool) -> float | None:
+        return 0.9 if number in (4, 5) and atom == RED_IN_TRAY else None  # in 5, the hand holds something
+
+    made, evaluator = evaluated(replace(config(model(wrong), data), domain=str(domain)))
+    document = store.document(made)
+    assert document["false_alarms"] == 1
+    assert document["exact_state"] == pytest.approx(5 / 6)
+    free = sum(Atom("hand-free") in state for state in looks.STATES)
+    resting = sum(atom.predicate == "resting-on" for atom in made.answers.atoms)
+    assert document["predicates"]["resting-on"]["asked"] == free * resting
+    assert document["predicates"]["holding"]["accuracy_0.5"] == 1.0
+    shown = [answer for mistake in evaluator.mistakes.sheet() for answer in mistake.answers if answer.wrong]
+    assert [answer.atom for answer in shown] == [RED_IN_TRAY]
+    (tmp_path / "kept").mkdir()
+    store.save(tmp_path / "kept", made)
+    kept = store.load(tmp_path / "kept")
+    assert np.array_equal(kept.answers.asked, made.answers.asked)
+    assert kept.answers.has_columns
 
 
 def test_the_first_looks_alone(data: Path, model: Any) -> None:
