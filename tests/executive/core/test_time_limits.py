@@ -46,7 +46,6 @@ from executive.types import (
     SkillStatus,
     Step,
 )
-from executive.util import timeout
 from executive.util.timeout import TimeLimitError, exclusive, within
 from tests.fakes import FakeWorld, Stage, at, budget, pick
 
@@ -122,21 +121,38 @@ def test_what_was_given_up_returns_to_nobody() -> None:
 
 def test_the_processes_that_it_has_started_end_with_it() -> None:
     started: list[subprocess.Popen[bytes]] = []
+    below: list[int] = []
 
     def work() -> None:
         started.append(subprocess.Popen(["sh", "-c", "sleep 1000 & sleep 1000"]))
+        while len(below) < 2:
+            children = Path(f"/proc/{started[0].pid}/task/{started[0].pid}/children")
+            below[:] = map(int, children.read_text().split())
         started[0].wait()
 
-    others = timeout._children()  # of tests before this one
     bystander = subprocess.Popen(["sleep", "1000"])
     try:
         with pytest.raises(TimeLimitError):
-            within(0.5, work)
+            within(3.0, work)
         assert started[0].wait() != 0
-        assert timeout._children() - others == {bystander.pid}, "all of its own, and nobody else's"
+        assert len(below) == 2
+        until = time.monotonic() + 30.0
+        while any(map(_is_asleep, below)) and time.monotonic() < until:
+            time.sleep(0.001)
+        assert not any(map(_is_asleep, below))
+        assert bystander.poll() is None
     finally:
         bystander.kill()
         bystander.wait()
+
+
+def _is_asleep(process: int) -> bool:
+    """Whether a process is there and lives: where somebody else is to be told of its end, it may stay as a zombie."""
+    try:
+        status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return status.rpartition(")")[2].split()[0] not in ("Z", "X")
 
 
 def test_of_two_within_each_other_the_one_whose_time_is_up_ends() -> None:
