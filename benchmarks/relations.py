@@ -45,6 +45,7 @@ ACTIONS, THROWN = 3, 3.0
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--domain", default="grocery", help="with --depth: whose relations")
     parser.add_argument("--moments", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first scene")
     parser.add_argument("--depth", type=int, default=0, help="so many scenes, of the relations on the estimated scene")
@@ -52,7 +53,7 @@ def main() -> None:
     arguments = parser.parse_args()
     domain = load_domain("grocery")
     if arguments.depth:
-        measure_depth(domain, arguments.seed, arguments.depth)
+        measure_depth(load_domain(arguments.domain), arguments.seed, arguments.depth)
         return
     moments, seed = 0, arguments.seed
     with Kept(arguments.out) as kept:
@@ -148,7 +149,8 @@ def measure_depth(domain: Domain, first: int, scenes: int) -> None:
             facts = Truth(world, domain.relations, domain.task.parameters).of(domain.task.atoms)
             told = DepthWitness(world, EstimatedScenes(models, known), kinds).testify(world.sense(), domain.task.atoms)
             missing = set(world.localizer.now().missing)
-            for atom in domain.task.atoms:
+            hidden = domain.task.visibility.hidden(facts)  # a run asks nobody about these
+            for atom in (atom for atom in domain.task.atoms if atom not in hidden):
                 how = "missing" if missing & set(atom.args) else "seen"
                 value = told.get(atom, -1.0)
                 kind = -1 if value < 0.0 else 0 if value < 0.1 or how == "missing" else 2 if value > 0.9 else 1
