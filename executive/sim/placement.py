@@ -167,6 +167,7 @@ def _draw_by_outlines(
         there: list[footprint.Placed] = []
         for item in largest_first:
             outline = footprint.standing(shapes[item])
+            clear = spec.placement.gap + float(np.hypot(outline.x, outline.y))
             for _ in range(_TRIES):
                 table = allowed[item][int(rng.integers(len(allowed[item])))]
                 yaw = float(rng.uniform(-np.pi, np.pi))
@@ -176,7 +177,7 @@ def _draw_by_outlines(
                 if (
                     (free > 0).all()
                     and _within_reach(spec, table, spot)
-                    and _apart_from_fixtures(spec, table, spot, float(np.hypot(outline.x, outline.y)))
+                    and _apart_from_fixtures(spec, table, spot, clear)
                     and all(here.apart(other) >= spec.placement.gap for other in there)
                 ):
                     poses[item] = upright(shapes[item], spot, table, yaw)
@@ -258,12 +259,11 @@ def _within_reach(spec: SceneSpec, place: Place, spot: FloatArray) -> bool:
     return near <= float(np.hypot(spot[0] - spec.robot.position[0], spot[1] - spec.robot.position[1])) <= far
 
 
-def _apart_from_fixtures(spec: SceneSpec, place: Place, spot: FloatArray, radius: float) -> bool:
-    """Whether a disc around a spot (2,) of a table keeps the scene's gap from containers, and from drawers wherever
-    they slide."""
+def _apart_from_fixtures(spec: SceneSpec, place: Place, spot: FloatArray, distance: float) -> bool:
+    """Whether a spot (2,) of a table keeps a distance in m from containers, and from drawers wherever they slide."""
     if isinstance(place, Floor):
         return True
-    return all(each.beside(spot) >= radius + spec.placement.gap for each in spec.covered)
+    return all(each.beside(spot) >= distance for each in spec.covered)
 
 
 def has_room(spec: SceneSpec, shape: ItemShape, place: Place, spot: FloatArray, tipped: bool) -> bool:
@@ -271,9 +271,7 @@ def has_room(spec: SceneSpec, shape: ItemShape, place: Place, spot: FloatArray, 
     case or a container's walls."""
     if tipped and isinstance(place, Floor):
         return 2.0 * float(np.linalg.norm(shape.half)) <= place.room
-    return _is_low(shape, place) and (
-        isinstance(place, Floor) or all(each.beside(spot) > circle(shape) for each in spec.covered)
-    )
+    return _is_low(shape, place) and _apart_from_fixtures(spec, place, spot, circle(shape))
 
 
 def _free_half(spec: SceneSpec, outline: footprint.Outline, table: Place, yaw: float) -> FloatArray:
@@ -302,7 +300,7 @@ def free_spot(
         spot = random_point(top, radius + spec.placement.margin, rng)
         if spot is None or (table is not None and top.name != table) or top.name in barred or not _is_low(shape, top):
             continue
-        if not _within_reach(spec, top, spot) or not _apart_from_fixtures(spec, top, spot, radius):
+        if not _within_reach(spec, top, spot) or not _apart_from_fixtures(spec, top, spot, radius + spec.placement.gap):
             continue
         apart = (np.hypot(*(pose[:2] - spot)) >= radius + circle(shapes[other]) + gap for other, pose in others.items())
         if all(apart):
