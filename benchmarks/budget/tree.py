@@ -111,5 +111,6 @@ def proportional(pid: int) -> float | None:
 def _command(pid: int) -> str:
     with suppress(OSError):
         words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-        return " ".join(" ".join(words).split())[-40:].strip()
+        told = (word for word in words if not word.startswith("/"))  # folders tell of the machine alone
+        return " ".join(" ".join(told).split())[-40:].strip()
     return sys.executable

@@ -70,7 +70,7 @@ def test_every_stop_has_its_frames_and_time_never_goes_back(ends: list[float], f
     stops = mid_poses(events)
     assert len(film) == pytest.approx(fps * (now + pause * len(stops)), abs=1.01)
     times = [frame.world_time for frame in film]
-    assert times == pytest.approx(sorted(times), abs=1e-9)
+    assert times == pytest.approx(sorted(times), abs=1e-9)  # differences of seconds are rounded
     for stop in stops[:-1]:  # the last one may be cut short by a part of a frame
         assert abs(sum(frame.mid_pose and frame.world_time == stop for frame in film) - frames) <= 1
     assert all(not frame.action for frame in film if frame.mid_pose)
