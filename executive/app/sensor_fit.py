@@ -56,7 +56,9 @@ Look = tuple[Mapping[Atom, float], Mapping[Atom, bool]]
 
 
 def fit(
-    looks: Sequence[Look], network: MutexNetwork, repeats: Mapping[str, Mapping[str, float]] = MappingProxyType({})
+    looks: Sequence[Look],
+    network: MutexNetwork | None,
+    repeats: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> SensorFit:
     """Fit a sensor model and conformal scores on labelled looks.
 
@@ -66,6 +68,8 @@ def fit(
     order of the looks only decides which half each is in.
 
     Args:
+        network: None where objects change from look to look: nothing is fitted for single atoms then, which no other
+            problem has, and each answer is scored by itself.
         repeats: the measured correlations of repeated questions (`SensorFit.repeats`); without one, it is assumed.
 
     Raises:
@@ -79,7 +83,7 @@ def fit(
     atoms = sorted({atom for probability, truth in for_model for atom in probability if atom in truth})
     error_models = _fit_error_models(for_model, {atom: atom.predicate for atom in atoms}, ErrorModel())
     single: dict[Atom, ErrorModel] = {}
-    for predicate, model in error_models.items():
+    for predicate, model in error_models.items() if network is not None else ():
         names = {atom: f"{predicate}-{number}" for number, atom in enumerate(atoms) if atom.predicate == predicate}
         if len(names) > 1:
             found = _fit_error_models(for_model, names, model)
@@ -92,11 +96,11 @@ def fit(
         atoms=single,
         correlations=correlations,
     )
-    monitor = BayesMonitor(network, sensor, actions=None)
-    judged = [
-        (monitor.looked(monitor.begin(), Belief(-1, probability), 0)[1].belief.probability, truth)
-        for probability, truth in for_thresholds
-    ]
+    same = None if network is None else BayesMonitor(network, sensor, actions=None)
+    judged = []
+    for probability, truth in for_thresholds:
+        monitor = same or BayesMonitor(MutexNetwork(tuple(probability)), sensor, actions=None)
+        judged.append((monitor.looked(monitor.begin(), Belief(-1, probability), 0)[1].belief.probability, truth))
     return SensorFit(sensor, Conformal.of(judged), len(labelled), repeats)
 
 

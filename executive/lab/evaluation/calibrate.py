@@ -77,7 +77,8 @@ def calibrate(domain: str, folders: Sequence[Path], out: Path, problem: str | No
                 for probability, truth in labelled.looks
             ]
         )
-    network = MutexNetwork(loaded.task.atoms, find_mutexes(loaded.parsed).groups)
+    varies = any(not evaluation.answers.has_columns for evaluation in evaluations)
+    network = None if varies else MutexNetwork(loaded.task.atoms, find_mutexes(loaded.parsed).groups)
     found = in_evaluations(evaluations)
     fitted = fit(labelled.looks, network, combined(found))
     if runs:
@@ -116,7 +117,12 @@ def _checked(
     about = {key: str(first.get(key) or "") for key in _ABOUT}
     is_corrected = bool(first.get("calibrated"))
     for evaluation, folder in zip(evaluations, folders, strict=True):
-        if odd := set(evaluation.answers.atoms) ^ set(domain.task.atoms):
+        if evaluation.answers.has_columns:
+            odd = set(evaluation.answers.atoms) ^ set(domain.task.atoms)
+        else:  # of other objects in each look
+            known = {atom.predicate for atom in domain.task.atoms}
+            odd = {atom for atom in evaluation.answers.atoms if atom.predicate not in known}
+        if odd:
             raise InputError(f"is about other atoms than {domain.task.problem!r} ({min(odd)})", file=folder)
         for key, value in about.items():
             if (here := str(evaluation.about.get(key) or "")) != value:
@@ -136,13 +142,12 @@ def _labelled(evaluations: Sequence[Evaluation], folders: Sequence[Path]) -> Lab
     labelled = Labelled([], [])
     for evaluation, folder in zip(evaluations, folders, strict=True):
         answers = evaluation.answers
-        for probability, truth in zip(answers.probability, answers.truth, strict=True):
-            answered = {
-                atom: float(value)
-                for atom, value in zip(answers.atoms, probability, strict=True)
-                if not np.isnan(value)
-            }
-            labelled.looks.append((answered, dict(zip(answers.atoms, map(bool, truth), strict=True))))
+        for probability, truth, which in zip(answers.probability, answers.truth, answers.numbers, strict=True):
+            asked = which >= 0
+            atoms = [answers.atoms[number] for number in which[asked]]
+            said = zip(atoms, probability[asked].tolist(), strict=True)
+            answered = {atom: value for atom, value in said if not np.isnan(value)}
+            labelled.looks.append((answered, dict(zip(atoms, truth[asked].tolist(), strict=True))))
         labelled.units.extend((folder, episode) for episode, _ in evaluation.looks)
     return labelled
 

@@ -69,6 +69,12 @@ class Answers:
         return np.ones(self.truth.shape, np.bool_) if self.which is None else self.which >= 0
 
     @property
+    def numbers(self) -> npt.NDArray[np.int64]:
+        """The number of the atom that each answer is about, (looks, columns), -1 for none."""
+        every = np.broadcast_to(np.arange(self.truth.shape[1]), self.truth.shape)
+        return every if self.which is None else self.which
+
+    @property
     def has_columns(self) -> bool:
         """Whether each atom has a column of its own, asked or not: looks are at the same objects."""
         columns = np.arange(self.truth.shape[1])
@@ -101,12 +107,11 @@ class Answers:
 
     def only(self, columns: BoolArray) -> Answers:
         """Some of the answers, (looks, columns), as if no other had been asked for."""
-        every = np.broadcast_to(np.arange(self.truth.shape[1]), self.truth.shape) if self.which is None else self.which
         return Answers(
             self.atoms,
             np.where(columns, self.probability, np.nan),
             self.truth & columns,
-            np.where(columns, every, -1),
+            np.where(columns, self.numbers, -1),
         )
 
     def right(self, threshold: float) -> BoolArray:

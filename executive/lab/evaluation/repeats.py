@@ -96,12 +96,14 @@ def _count(
     """Count pairs of looks at the same truth, one of each evaluation: whether the answers were wrong."""
     said = one.answers.probability[first], other.answers.probability[second]
     truth = one.answers.truth[first], other.answers.truth[second]
-    both = ~np.isnan(said[0]) & ~np.isnan(said[1]) & (truth[0] == truth[1])
+    numbers = one.answers.numbers[first], other.answers.numbers[second]
+    both = ~np.isnan(said[0]) & ~np.isnan(said[1]) & (truth[0] == truth[1]) & (numbers[0] == numbers[1])
     wrong = [(answers >= 0.5) != true for answers, true in zip(said, truth, strict=True)]
-    for column, atom in enumerate(one.answers.atoms):
-        rows = both[:, column]
-        pairs = zip(wrong[0][rows, column].tolist(), wrong[1][rows, column].tolist(), strict=True)
-        counts.setdefault((atom.predicate, change), Counter()).update(pairs)
+    predicates = np.array([atom.predicate for atom in one.answers.atoms])[numbers[0]]
+    for predicate in one.answers.predicates:
+        chosen = both & (predicates == predicate)
+        pairs = zip(wrong[0][chosen].tolist(), wrong[1][chosen].tolist(), strict=True)
+        counts.setdefault((predicate, change), Counter()).update(pairs)
 
 
 def in_record(run: Path, domain: str, sensor: SensorModel) -> Found:

@@ -12,12 +12,10 @@ from torch import nn
 from torch.nn import functional
 
 from executive.lab.training.label_space import LabelSpace
+from executive.lab.training.optimiser import autocast, compute_dtype
 from executive.lab.training.presets import ModelSize
 from executive.lab.training.question_batches import QuestionBatch
 from executive.lab.training.wordings import Wordings
-
-PROBED = 2
-"""The number of the decoder layer whose output the probe reads."""
 
 
 class CellEmbeddings(nn.Module):
@@ -78,8 +76,10 @@ def answers(model: Any, tokens: torch.Tensor, batch: QuestionBatch) -> tuple[tor
     """
     decoder = model.model.language_model
     rows = torch.cat([tokens, decoder.embed_tokens(batch.ids).to(tokens.dtype)], 1)
-    mask = torch.zeros(batch.mask.shape, dtype=torch.bfloat16, device=rows.device).masked_fill_(~batch.mask, -1e4)
-    with torch.autocast(rows.device.type, torch.bfloat16):
+    mask = torch.zeros(batch.mask.shape, dtype=compute_dtype(rows.device), device=rows.device).masked_fill_(
+        ~batch.mask, -1e4
+    )
+    with autocast(rows.device):
         out = decoder(
             inputs_embeds=rows,
             attention_mask=mask,
@@ -89,7 +89,7 @@ def answers(model: Any, tokens: torch.Tensor, batch: QuestionBatch) -> tuple[tor
         )
     width = rows.shape[-1]
     last = out.last_hidden_state.reshape(-1, width)[batch.last].float()
-    inner = out.hidden_states[min(PROBED, len(out.hidden_states) - 2)].reshape(-1, width)[batch.probed].float()
+    inner = out.hidden_states[-2].reshape(-1, width)[batch.probed].float()
     return last @ decoder.embed_tokens.weight.T, inner
 
 

@@ -36,7 +36,7 @@ and {cameras}. Its answers about anything else mean nothing.{untold}
 |---|---|---|---|
 | pictures | rendered samples, with the item of each pixel | {moments:,} moments | {per_moment} |
 | tower | the vision encoder: items of each cell, and their atoms | {tower:,} | {batch} pictures |
-| language | the decoder, on scenes without pictures | {language:,} | {scenes} scenes x {questions} questions |
+| language | the decoder, on scenes without pictures | {language:,} | {imagined} scenes x {questions} questions |
 | together | all parts on pictures, questions, answers | {together:,} | {scenes} scenes x {questions} questions |
 | fewer | the same, half of the steps with fewer cameras | {fewer:,} | {scenes} scenes x {questions} questions |
 
@@ -89,6 +89,7 @@ def render(
         "together": preset.together.steps,
         "fewer": preset.fewer.steps,
         "batch": preset.batch,
+        "imagined": preset.imagined,
         "scenes": preset.scenes,
         "questions": preset.questions,
         "seed": seed,

@@ -15,6 +15,7 @@ import torch
 from torch import nn
 
 from executive.lab.training.presets import Schedule
+from executive.s3e.backends.loading import native_bfloat16
 
 _SAVE_EVERY, _REPORT_EVERY = 30.0, 1.0
 """Seconds between two checkpoints (at most so much is lost when the process is killed), and between two reports."""
@@ -96,6 +97,17 @@ def use_threads(count: int | None) -> None:
     """Sets the number of torch's threads; leaves torch's default if not given."""
     if count is not None:
         torch.set_num_threads(count)
+
+
+def compute_dtype(device: torch.device) -> torch.dtype:
+    """The dtype in which the layers compute: bfloat16, unless the CPU would have to emulate it."""
+    return torch.float32 if device.type == "cpu" and not native_bfloat16() else torch.bfloat16
+
+
+def autocast(device: torch.device) -> torch.autocast:
+    """A context in which layers compute in `compute_dtype`."""
+    dtype = compute_dtype(device)
+    return torch.autocast(device.type, torch.bfloat16, enabled=dtype != torch.float32)
 
 
 def finished(file: Path, steps: int) -> bool:

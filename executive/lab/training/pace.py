@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from executive.lab.common.process_pool import ProcessPool, ReportProgress, run_jobs
+from executive.lab.training.described.shards import PER_PROBLEM
 from executive.lab.training.presets import Pace
 
 if TYPE_CHECKING:
@@ -22,8 +23,9 @@ if TYPE_CHECKING:
 Writer = Callable[[int, ReportProgress], None]
 """Writes the shard of a number."""
 
-_FEW, _MORE = 2, 24
-"""Moments of two shards: the difference of their times is what moments cost, without what comes once per shard."""
+_FEW, _MORE = PER_PROBLEM, 3 * PER_PROBLEM
+"""Moments of two shards: the difference of their times is what moments cost, without what comes once per shard, and
+with what comes once for the same objects."""
 
 
 class WritingTimer:

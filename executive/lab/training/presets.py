@@ -67,8 +67,8 @@ class Schedule:
 class Preset:
     """The settings of all stages. The defaults are those of the model that is shipped.
 
-    `shards` files of `moments` each; `batch` pictures per step in stage 2, `scenes` per step in the later ones and
-    `questions` about each; in the first `align` steps of stage 4 only the projector learns.
+    `shards` files of `moments` each; per step, `batch` pictures in stage 2, `imagined` scenes in stage 3, `scenes` in
+    the later ones, and `questions` about each; in the first `align` steps of stage 4 only the projector learns.
     """
 
     size: ModelSize = field(default_factory=ModelSize)
@@ -79,6 +79,7 @@ class Preset:
     together: Schedule = Schedule(1400, 7e-4)
     fewer: Schedule = Schedule(600, 4e-4, 30)
     batch: int = 80
+    imagined: int = 12
     scenes: int = 12
     questions: int = 16
     align: int = 120
@@ -141,17 +142,17 @@ class Pace:
 PRESETS = {
     "small": Preset(),
     "fine": Preset(
-        size=ModelSize(side=384, widths=(32, 64, 160), depths=(1, 2, 3), hidden=256, layers=4, heads=4, inner=512),
-        shards=32,
-        tower=Schedule(1500, 2e-3, 100, clip=2.0),
-        language=Schedule(2400, 1.5e-3, 100),
-        together=Schedule(2000, 6e-4),
+        size=ModelSize(side=256, widths=(32, 64, 160), depths=(1, 2, 2), layers=4),
+        shards=30,
+        tower=Schedule(2400, 2e-3, 100, clip=2.0),
+        language=Schedule(4000, 6e-4, 30),
+        together=Schedule(1300, 7e-4),
         fewer=Schedule(0, 4e-4),
         batch=20,
+        imagined=4,
         scenes=12,
         questions=20,
-        align=200,
-        vocabulary=1600,
+        align=150,
     ),
     "smallest": Preset(
         size=SMALLEST,
@@ -162,10 +163,11 @@ PRESETS = {
         together=Schedule(4, 1e-3),
         fewer=Schedule(3, 1e-3),
         batch=4,
+        imagined=2,
         scenes=2,
         questions=4,
         align=2,
     ),
 }
 """By name (--recipe): the model that is shipped, one for many small things in a single picture (cells of 16 pixels in
-place of 32), and one for testing that all stages run."""
+place of 32; it can start from the former), and one for testing that all stages run."""

@@ -35,6 +35,11 @@ TOWER, LANGUAGE, TOGETHER, FEWER = "tower.pt", "language.pt", "together.pt", "fe
 Watch = Callable[[Report], None]
 
 
+_KEEPING = {"words": 0.1, "codes": 0.1, "probe": 3.0}
+"""Factors of the learning rate where words and codes were chosen so that names are found from the first step on: base
+rates, which are learned before that is of any use, would change them beyond recognition."""
+
+
 class EncodedScenes(NamedTuple):
     """Encoded scenes: their truth as the sampler of questions takes it (facts (B, A)), tokens (B, P, D), and the losses
     of tokens and encoder with their metrics."""
@@ -54,6 +59,9 @@ class Trainer:
         seed: fixes everything.
         start: the folder of a trained model whose weights are the first ones.
     """
+
+    keeps_words = False
+    """Whether words and their codes are changed slowly in stage 3."""
 
     def __init__(
         self, domain: Domain, preset: Preset, seed: int, wordings: Path | None = None, start: Path | None = None
@@ -137,13 +145,18 @@ class Trainer:
         def step_loss(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
             return self.language_loss(states, rng, max(0.1, 0.6 - step / 400))
 
-        parts = {"decoder": self.model.model.language_model, "codes": self.codes, "probe": self.probe}
+        decoder = self.model.model.language_model
+        parts: dict[str, nn.Module] = {"decoder": decoder, "codes": self.codes, "probe": self.probe}
+        if self.keeps_words:
+            parts = {"words": decoder.embed_tokens, "layers": decoder.layers, "norm": decoder.norm, **parts}
+            del parts["decoder"]
         self.model.train()
-        train_stage("language", file, parts, preset.language, step_loss, self.seed + 1, watch, stopped)
+        rates = _KEEPING if self.keeps_words else None
+        train_stage("language", file, parts, preset.language, step_loss, self.seed + 1, watch, stopped, rates)
 
     def language_loss(self, states: Any, rng: np.random.Generator, open_share: float) -> tuple[torch.Tensor, Metrics]:
         """The loss of answers on synthetic scenes."""
-        facts, shown = decoder.SyntheticScenes(self.labels, states, rng).scenes(self.preset.scenes)
+        facts, shown = decoder.SyntheticScenes(self.labels, states, rng).scenes(self.preset.imagined)
         self.sampler.reseed(int(rng.integers(2**31)))
         asked = self.sampler.ask(facts, shown.shape[1], self.preset.questions, open_share)
         tokens = self.codes(shown.to(self.device))

@@ -68,7 +68,7 @@ class Training:
         self._space = self._described_space()
         self._start = None if config.start is None else warm_start.find(config.start)
         if self._start is not None:
-            warm_start.check(self._start, self._whole.size, config.recipe)
+            warm_start.check(self._start, self._whole.size, config.recipe, vision_suffices=self._space is not None)
             self._whole = self._whole.warmed(self.cameras)
         if config.data:
             self._whole = replace(self._whole, shards=len(shards.parts_of(self._data)))

@@ -17,6 +17,7 @@ from torch.nn import functional
 from executive.lab.training.image_shards import MASK
 from executive.lab.training.label_space import LabelSpace
 from executive.lab.training.network import MEAN, STD
+from executive.lab.training.optimiser import autocast
 from executive.lab.training.presets import ModelSize
 
 FEWEST = 3
@@ -72,7 +73,7 @@ def shown(masks: torch.Tensor, items: int, grid: int) -> torch.Tensor:
 
 def features(encoder: nn.Module, pictures: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """The outputs of the encoder's last stage and of the one before."""
-    with torch.autocast(pictures.device.type, torch.bfloat16):
+    with autocast(pictures.device):
         states = encoder(pictures, output_hidden_states=True).hidden_states
     return states[-1], states[-2]
 

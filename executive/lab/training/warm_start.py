@@ -40,48 +40,57 @@ def find(said: str) -> Path:
     return folder
 
 
-def check(folder: Path, size: ModelSize, recipe: str) -> None:
-    """Check that a model has the architecture and the size that a recipe makes.
+def check(folder: Path, size: ModelSize, recipe: str, vision_suffices: bool = False) -> None:
+    """Check that a model has the architecture and the size that a recipe makes, or, if that suffices, that its vision
+    encoder begins as the recipe's does, whatever else it has.
 
     Raises:
         InputError: it has another one; the first difference is named.
     """
     file = folder / checkpoint.CONFIG
-    config = read_json(file)
-    kind = config.get("model_type")
+    kind = read_json(file).get("model_type")
     if kind != ARCHITECTURE:
         raise InputError(
             f"is a model of the type {kind!r}, and a training starts from {ARCHITECTURE!r} alone", file=file
         )
+    found = _difference(folder, size)
+    if found is not None and vision_suffices:
+        found = _difference(folder, size, stages=len(size.widths))
+    if found is not None:
+        name, there, here = found
+        raise InputError(
+            f"is another model than the recipe {recipe!r} makes: {name} is {there} there and {here} here; "
+            "choose the recipe that it was trained with",
+            file=file,
+        )
+
+
+def is_alike(folder: Path, size: ModelSize) -> bool:
+    """Whether all of a model's weights can be the first ones of a model of this size."""
+    return _difference(folder, size) is None
+
+
+def _difference(folder: Path, size: ModelSize, stages: int | None = None) -> tuple[str, Any, Any] | None:
+    """The first difference between a model and a size: its name, what is there, and what is wanted. With `stages`, only
+    so many stages of the vision encoder count."""
+    config = read_json(folder / checkpoint.CONFIG)
     vision, text = (config.get(part) or {} for part in ("vision_config", "text_config"))
-    processor = read_json(folder / "preprocessor_config.json")
-    found = {
-        "picture": (processor.get("size") or {}).get("height"),
-        "embedding_size": vision.get("embedding_size"),
-        "hidden_sizes": tuple(vision.get("hidden_sizes") or ()),
-        "depths": tuple(vision.get("depths") or ()),
-        "hidden_size": text.get("hidden_size"),
-        "num_hidden_layers": text.get("num_hidden_layers"),
-        "num_attention_heads": text.get("num_attention_heads"),
-        "intermediate_size": text.get("intermediate_size"),
+    pairs: dict[str, tuple[Any, Any]] = {
+        "embedding_size": (vision.get("embedding_size"), size.stem),
+        "hidden_sizes": (tuple(vision.get("hidden_sizes") or ())[:stages], size.widths),
+        "depths": (tuple(vision.get("depths") or ())[:stages], size.depths),
     }
-    wanted = {
-        "picture": size.side,
-        "embedding_size": size.stem,
-        "hidden_sizes": size.widths,
-        "depths": size.depths,
-        "hidden_size": size.hidden,
-        "num_hidden_layers": size.layers,
-        "num_attention_heads": size.heads,
-        "intermediate_size": size.inner,
-    }
-    for name, value in wanted.items():
-        if found[name] != value:
-            raise InputError(
-                f"is another model than the recipe {recipe!r} makes: {name} is {found[name]} there and {value} here; "
-                "choose the recipe that it was trained with",
-                file=file,
-            )
+    if stages is None:
+        processor = read_json(folder / "preprocessor_config.json")
+        pairs = {
+            "picture": ((processor.get("size") or {}).get("height"), size.side),
+            **pairs,
+            "hidden_size": (text.get("hidden_size"), size.hidden),
+            "num_hidden_layers": (text.get("num_hidden_layers"), size.layers),
+            "num_attention_heads": (text.get("num_attention_heads"), size.heads),
+            "intermediate_size": (text.get("intermediate_size"), size.inner),
+        }
+    return next(((name, there, here) for name, (there, here) in pairs.items() if there != here), None)
 
 
 def digest(folder: Path) -> str:
@@ -90,15 +99,14 @@ def digest(folder: Path) -> str:
 
 
 def load(model: Any, tokenizer: Any, folder: Path) -> None:
-    """Give a new model the weights of the one in a folder, which `check` has found to be alike."""
+    """Give a new model the weights of the one in a folder, as far as `check` has found them to be alike."""
     import torch
 
-    with importing():
-        from transformers import AutoModelForImageTextToText, AutoTokenizer
+    with importing(), quiet():
+        from transformers import AutoTokenizer
 
-    with quiet():
-        before = AutoModelForImageTextToText.from_pretrained(folder, dtype=torch.float32)
         known = AutoTokenizer.from_pretrained(folder).get_vocab()
+    before = _read(folder)
     new = model.model.language_model.embed_tokens.weight
     old = before.model.language_model.embed_tokens.weight
     shared = [(number, known[token]) for token, number in tokenizer.get_vocab().items() if token in known]
@@ -109,3 +117,20 @@ def load(model: Any, tokenizer: Any, folder: Path) -> None:
     own = {"embed_tokens", "lm_head"}  # one matrix, a row for each token
     kept = {name: value for name, value in before.state_dict().items() if own.isdisjoint(name.split("."))}
     model.load_state_dict(kept, strict=False)
+
+
+def load_vision(model: Any, folder: Path) -> None:
+    """Give a new model the vision encoder of the one in a folder: as many of its stages as the new one has."""
+    encoder = model.model.vision_tower
+    wanted, there = encoder.state_dict(), _read(folder).model.vision_tower.state_dict()
+    encoder.load_state_dict({name: value for name, value in there.items() if name in wanted}, strict=False)
+
+
+def _read(folder: Path) -> Any:
+    import torch
+
+    with importing():
+        from transformers import AutoModelForImageTextToText
+
+    with quiet():
+        return AutoModelForImageTextToText.from_pretrained(folder, dtype=torch.float32)

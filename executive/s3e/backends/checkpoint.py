@@ -35,7 +35,8 @@ _HALF = ("F16", "BF16")
 class Checkpoint:
     """A folder that has everything a checkpoint consists of.
 
-    `name` is the folder's own name, or the hub's id; `half` says whether most of its weights are stored in 16 bits.
+    `name` is the folder's own name, or the hub's id; `half` says whether most of its weights are stored in 16 bits,
+    and its config does not say that it computes in 32 nonetheless.
     """
 
     folder: Path
@@ -84,7 +85,8 @@ def inspect(folder: Path, name: str, *, pictures: bool = True) -> Checkpoint:
     for file in (folder / part for part in _JSON):
         if file.is_file():
             read_object(file, "")
-    return Checkpoint(folder, name, model_type, sum(stored[kind] for kind in _HALF) * 2 > stored.total())
+    half = sum(stored[kind] for kind in _HALF) * 2 > stored.total() and config.get("dtype") != "float32"
+    return Checkpoint(folder, name, model_type, half)
 
 
 def check_safetensors(file: Path) -> Counter[str]:

@@ -113,7 +113,7 @@ class NumpyBackend:
         folder = checkpoint.folder
         self.name, self._folder = checkpoint.name, folder
         config, shown = read_object(folder / CONFIG, ""), read_object(folder / "preprocessor_config.json", "")
-        weights = load_file(folder / WEIGHTS)
+        weights = {name: value.astype(np.float32, copy=False) for name, value in load_file(folder / WEIGHTS).items()}
         self._encoder = VisionEncoder(weights, config["vision_config"], threads.cores())
         self.decoder = Decoder(weights, config["text_config"])
         self.processor = _Processor(folder, config, shown)

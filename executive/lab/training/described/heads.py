@@ -62,6 +62,10 @@ class Dense(nn.Module):
         return 5.0 * seen + 2.0 * known + 2.0 * halves, parts
 
 
+_GAIN = 8.0
+"""Of the probe: what is looked up is a small part of an inner state, and a head of a usual size is slow to find it."""
+
+
 class Codes(nn.Module):
     """The target embedding of a cell: the sum of the codes of what can be read off it. The code of a value is the
     negative embedding of its word; those of what an object stands in a relation to are other vectors, so that a cell
@@ -94,7 +98,7 @@ class Probe(nn.Module):
         self.read = nn.Linear(size.hidden, space.size - len(space.values))
 
     def forward(self, inner: torch.Tensor) -> torch.Tensor:
-        logits: torch.Tensor = self.read(functional.rms_norm(inner.float(), inner.shape[-1:]))
+        logits: torch.Tensor = _GAIN * self.read(functional.rms_norm(inner.float(), inner.shape[-1:]))
         return logits
 
 

@@ -33,8 +33,11 @@ class DescribedTrainer(Trainer):
     Args:
         space: the vocabulary of the domain's scenes.
         seed: fixes everything.
-        start: the folder of a trained model whose weights are the first ones.
+        start: the folder of a trained model whose weights are the first ones; of one of another size, those of its
+            vision encoder alone. Such a one looks up names that are a word each, which is of no use here.
     """
+
+    keeps_words = True
 
     def __init__(
         self,
@@ -56,8 +59,18 @@ class DescribedTrainer(Trainer):
         self.systems = [("", 0.45), (prompts.QUESTION_ANSWERING, 0.3), (instructed, 0.25)]
         self.tokenizer = words.make_tokenizer(self._texts(instructed), preset.vocabulary)
         self.model = network.build(preset.size, self.tokenizer)
-        if start is not None:
+        decoder = self.model.model.language_model
+        network.gather_words(decoder)
+        words_of = [
+            self.tokenizer(self.words.values[v][0], add_special_tokens=False)["input_ids"] for v in space.values
+        ]
+        network.tell_apart(
+            decoder.embed_tokens.weight, [ids[0] for ids in words_of if len(ids) == 1], preset.size.heads, seed
+        )
+        if start is not None and warm_start.is_alike(start, preset.size):
             warm_start.load(self.model, self.tokenizer, start)
+        elif start is not None:
+            warm_start.load_vision(self.model, start)
         self.dense = heads.Dense(preset.size, space)
         self.codes = heads.Codes(self.model, self.tokenizer, space, self.words)
         self.probe = heads.Probe(preset.size, space)
@@ -87,7 +100,7 @@ class DescribedTrainer(Trainer):
         return loss, metrics
 
     def language_loss(self, states: Any, rng: np.random.Generator, open_share: float) -> tuple[torch.Tensor, Metrics]:
-        chosen = rng.integers(len(states.own), size=self.preset.scenes)
+        chosen = rng.integers(len(states.own), size=self.preset.imagined)
         scenes = self.space.described_anew(Scenes(*(part[chosen] for part in states)), rng)
         read_off = heads.synthetic(self.space, scenes, rng)
         self.sampler.reseed(int(rng.integers(2**31)))

@@ -9,10 +9,12 @@ import pytest
 import torch
 
 from executive.app.config import EstimatorConfig
-from executive.errors import OptionError
+from executive.app.sensor_fit import load as load_fit
+from executive.errors import InputError, OptionError
 from executive.lab.config import EvalConfig
 from executive.lab.evaluation import report as reporting
 from executive.lab.evaluation import store
+from executive.lab.evaluation.calibrate import calibrate
 from executive.lab.evaluation.evaluate import Evaluator
 from executive.lab.evaluation.looks import Look
 from executive.lab.training import network, tokenizer
@@ -59,6 +61,13 @@ def test_every_look_is_asked_about_its_own_objects(model: Path, tmp_path: Path) 
     assert kept.held_out is not None
     assert store.document(kept)["combinations"] == document["combinations"]
     reporting.write(tmp_path / "other", evaluation, (), [kept], evaluator.published)
+    # No atom of one episode is in another: what is fitted is of predicates.
+    file, fitted = calibrate("blocksworld", [out], tmp_path / "calibration.json")
+    assert set(fitted.sensor_model.error_models) == {atom.predicate for atom in kept.answers.atoms}
+    assert (fitted.sensor_model.atoms, fitted.looks) == ({}, 4)
+    assert load_fit(file, "blocksworld").sensor_model == fitted.sensor_model
+    with pytest.raises(InputError, match="other atoms"):
+        calibrate("grocery", [out], tmp_path / "other.json")
 
 
 def test_questions_name_the_objects_of_the_episode(model: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,10 +16,12 @@ from executive.domain.loader import load_domain
 from executive.errors import DomainError, InputError, OptionError
 from executive.lab.config import TrainConfig
 from executive.lab.training import tokenizer
-from executive.lab.training.described import shards
+from executive.lab.training.described import heads, shards
 from executive.lab.training.described.questions import DescribedQuestions
 from executive.lab.training.described.space import DescribedSpace, Scenes
+from executive.lab.training.described.trainer import DescribedTrainer
 from executive.lab.training.described.words import Words
+from executive.lab.training.presets import PRESETS
 from executive.lab.training.train import Training
 from executive.lab.training.wordings import WORDINGS, read_tables
 from executive.s3e import Templates
@@ -197,3 +200,37 @@ def test_drawn_pictures_show_the_blocks_that_are_said_to_be_there(tmp_path: Path
     for scene in drawn.own:
         for own in scene[scene.any(axis=1)]:
             assert not SPACE.is_held_out(dict(zip(SPACE.attributes, values[own].tolist(), strict=True)))
+
+
+def test_names_of_several_words_are_looked_up_before_anything_is_learned() -> None:
+    """Far more of what the end of a name attends to shows the object that it names than chance would have."""
+    trainer = DescribedTrainer(DOMAIN, SPACE, PRESETS["fine"], 0, DOMAIN.folder / WORDINGS)
+    decoder, rng = trainer.model.model.language_model, np.random.default_rng(0)
+    decoder.set_attn_implementation("eager")
+    each = [random.Random(number).sample(SPACE.descriptions, 5) for number in range(6)]
+    drawn = [SPACE.encode({"-".join(d.values()): d for d in described}, {}) for described in each]
+    scenes = Scenes(*(np.concatenate(parts) for parts in zip(*drawn, strict=True)))
+    shown, sampler, luck = heads.synthetic(SPACE, scenes, rng), trainer.sampler, random.Random(0)
+    names = [[trainer.words.name(SPACE, own, number, luck) for number in range(5)] for own in scenes.own]
+    texts = [[(trainer.words.question("on-table", [name], luck), name) for name in each] for each in names]
+    unread = scenes.channels()[0][:, len(SPACE.values) :]
+    questions = [
+        [sampler._probed(text, name, number, sampler.yes, True, unread) for number, (text, name) in enumerate(each)]
+        for each in texts
+    ]
+    asked = sampler._layout.batch(questions, shown.shape[1], [])
+    rows = torch.cat([trainer.codes(shown), decoder.embed_tokens(asked.ids)], 1)
+    mask = torch.zeros(asked.mask.shape).masked_fill_(~asked.mask, -1e4)
+    with torch.no_grad():
+        given = {"inputs_embeds": rows, "attention_mask": mask, "position_ids": asked.positions}
+        attention = decoder(**given, use_cache=False, output_attentions=True).attentions[1].mean(1)
+    values, cells = len(SPACE.values), shown.shape[1]
+    right, share = [], []
+    for index, place in enumerate(asked.probed.tolist()):
+        row, at = divmod(place, rows.shape[1])
+        own = torch.from_numpy(scenes.own[row, index % 5])
+        its = ((shown[row, :, :values] > 0) & own).sum(1) == own.sum()
+        right.append(float(attention[row, at, :cells][its].sum()))
+        share.append(float(its.float().mean()))
+    assert len(right) == 30
+    assert np.mean(right) > 0.3 > 5 * np.mean(share)

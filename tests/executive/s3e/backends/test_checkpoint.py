@@ -407,7 +407,10 @@ def test_half_stored_weights_are_noticed(folder: Path) -> None:
     assert not find(folder).half
     weights = load_file(folder / "model.safetensors")
     save_file({name: weight.half() for name, weight in weights.items()}, folder / "model.safetensors", {"format": "pt"})
-    assert find(folder).half
+    config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+    for said, half in (("float32", False), ("float16", True), (None, True)):
+        (folder / "config.json").write_text(json.dumps({**config, "dtype": said}), encoding="utf-8")
+        assert find(folder).half == half
     assert TransformersBackend(folder, dtype="float32").dtype == "float32"
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from safetensors.numpy import load_file, save_file
 
 from executive.app.estimators import shipped
 from executive.errors import InputError
@@ -116,6 +117,20 @@ def altered(folder: Path, file: str, changes: dict[str, Any]) -> Path:
 
 def test_the_shipped_model_is_computed_so() -> None:
     assert supported(find(eye()))
+
+
+def test_weights_that_are_stored_in_16_bits_are_computed_in_32(tmp_path: Path) -> None:
+    folder = altered(tmp_path, "config.json", {})
+    weights = load_file(folder / "model.safetensors")
+    halved = {name: value.astype(np.float16) if value.ndim > 1 else value for name, value in weights.items()}
+    save_file(halved, folder / "model.safetensors", {"format": "pt"})
+    assert supported(find(folder))
+    seen = pictures(2)
+    ours, theirs = (
+        each.look(seen, SYSTEM).ask(QUESTIONS) for each in (NumpyBackend(find(folder)), TransformersBackend(folder))
+    )
+    for mine, other in zip(ours, theirs, strict=True):
+        assert mine.yes_mass == pytest.approx(other.yes_mass, abs=1e-5)
 
 
 @pytest.mark.parametrize(
