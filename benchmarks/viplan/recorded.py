@@ -99,8 +99,8 @@ class Tasks:
     def __init__(self, file: Path) -> None:
         try:
             with gzip.open(file, "rt", encoding="utf-8") as source:
-                self._texts: dict[str, str] = json.load(source)
-            self._domain = self._texts["domain.pddl"]
+                self.texts: dict[str, str] = json.load(source)
+            self._domain = self.texts["domain.pddl"]
         except (OSError, EOFError, ValueError, KeyError, TypeError) as error:
             raise InputError(f"has no domain and problems as compressed JSON ({error!r})", file=file) from None
         self._file = file
@@ -113,13 +113,13 @@ class Tasks:
             InputError: there is no such problem, or it cannot be read.
         """
         name = run.problem.partition(".pddl")[0] + ".pddl"
-        matching = [key for key in self._texts if key.endswith(f"{run.split}/{name}")]
+        matching = [key for key in self.texts if key.endswith(f"{run.split}/{name}")]
         if len(matching) != 1:
             raise InputError(f"has no problem {run.split}/{name}", file=self._file)
         if matching[0] not in self._read:
             with tempfile.TemporaryDirectory(prefix="executive-viplan-") as folder:
                 domain, problem = Path(folder, "domain.pddl"), Path(folder, "problem.pddl")
                 domain.write_text(self._domain, encoding="utf-8")
-                problem.write_text(self._texts[matching[0]], encoding="utf-8")
+                problem.write_text(self.texts[matching[0]], encoding="utf-8")
                 self._read[matching[0]] = read_task(domain, problem)
         return self._read[matching[0]]

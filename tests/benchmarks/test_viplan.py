@@ -9,13 +9,15 @@ import random
 from collections import Counter
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 
 from benchmarks.viplan import __main__ as viplan
-from benchmarks.viplan import decoding, household, loop
+from benchmarks.viplan import arm, decoding, household, loop
 from benchmarks.viplan.recorded import Answer, Look, Run, Tasks, read_runs
 from executive.errors import InputError
+from executive.lab.campaign.config_file import read_campaign
 from executive.types import Atom
 
 DOMAIN = """
@@ -174,3 +176,24 @@ def test_what_is_no_recording_is_one_line(tmp_path: Path, content: bytes) -> Non
         read_runs(tmp_path / "bad.gz")
     with pytest.raises(InputError):
         Tasks(tmp_path / "bad.gz")
+
+
+def test_the_problems_become_a_campaign_of_the_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    problem = """
+    (define (problem simple_problem_3) (:domain blocksworld) (:objects R G - block C1 C2 - column)
+      (:init (clear R) (clear G) (inColumn R C1) (inColumn G C2) (rightOf C2 C1) (leftOf C1 C2))
+      (:goal (and (on R G))))
+    """
+    file, out = tmp_path / "pddl.json.gz", tmp_path / "out"
+    texts = {"domain.pddl": DOMAIN, "problems/simple/simple_problem_3.pddl": problem, "other.pddl": problem}
+    with gzip.open(file, "wt", encoding="utf-8") as stream:
+        json.dump(texts, stream)
+    with patch("sys.argv", ["arm", str(file), str(out)]):
+        assert arm.main() == 0
+    campaign = read_campaign(out / "viplan.toml")
+    assert [each.place.domain for each in campaign.episodes()] == ["columns"]
+    results = tmp_path / "results"
+    results.mkdir()
+    with patch("sys.argv", ["arm", str(file), str(out), "--results", str(results)]):
+        assert arm.main() == 2
+    assert "results" in capsys.readouterr().err

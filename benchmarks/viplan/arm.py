@@ -1,0 +1,88 @@
+"""ViPlan's blocksworld problems as a campaign of the arm: writes the problems and the campaign's file into a folder.
+
+    python -m benchmarks.viplan.arm blocksworld-pddl.json.gz FOLDER
+    executive bench FOLDER/viplan.toml --out RESULTS
+    python -m benchmarks.viplan.arm blocksworld-pddl.json.gz FOLDER --results RESULTS
+
+The last one prints the shares of each split. The columns are places on a table, the domain is `blocksworld/columns`,
+and the robot sees by the model that comes with it. ViPlan's own closed loop has rendered pictures and no arm: its
+success is quoted beside, and is of another world.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from benchmarks.viplan.recorded import Tasks
+from executive.errors import ExecutiveError
+from executive.lab.campaign.intervals import wilson
+from executive.lab.campaign.results import claimed, load_results, succeeded
+from executive.util.atomic_write import write_atomic
+
+SPLITS = ("simple", "medium", "hard")
+
+_CAMPAIGN = '''title = "ViPlan's blocksworld, by the arm"
+about = """
+The {count} problems of ViPlan's blocksworld, each column a place on the table. `vlm` sees one picture after each
+action, through the model that comes with the domain. It was trained on pictures of this scene: in-domain, where
+ViPlan's models are not.
+"""
+seeds = 1
+minutes = 30
+
+[[domains]]
+domain = "blocksworld/columns"
+problems = ["problems/*.pddl"]
+
+[estimators]
+vlm = {{}}
+'''
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pddl", type=Path, help="the domain and its problems, compressed JSON")
+    parser.add_argument("out", type=Path, help="a folder for the problems and the campaign's file")
+    parser.add_argument("--results", type=Path, help="the folder of the campaign that was played: print its shares")
+    arguments = parser.parse_args()
+    try:
+        if arguments.results is not None:
+            return report(arguments.results)
+        texts = Tasks(arguments.pddl).texts
+    except ExecutiveError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.exit_code
+    chosen = {
+        f"{split}-{int(name.removesuffix('.pddl').rsplit('_', 1)[1]):02d}.pddl": text
+        for split in SPLITS
+        for name, text in texts.items()
+        if f"{split}/" in name
+    }
+    folder = arguments.out / "problems"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in chosen.items():
+        write_atomic(folder / name, text.encode())
+    write_atomic(arguments.out / "viplan.toml", _CAMPAIGN.format(count=len(chosen)).encode())
+    print(f"{len(chosen)} problems; now: executive bench {arguments.out / 'viplan.toml'}")
+    return 0
+
+
+def report(folder: Path) -> int:
+    """Print how many problems of each split ended with their goal, and how many with a false claim."""
+    rows = load_results(folder, lambda line: print(line, file=sys.stderr)).rows
+    print(f"{'split':<8}{'problems':>9}{'solved':>8}  {'95 % interval':<18}{'false claims':>12}{'seconds':>9}")
+    for split in SPLITS:
+        of = [row for row in rows if row.problem.startswith(split)]
+        solved = [row for row in of if succeeded(row)]
+        false = sum(claimed(row) and not row.goal_true for row in of)
+        interval = wilson(len(solved), len(of))
+        said = "-" if interval is None else f"{100 * interval.low:.0f} to {100 * interval.high:.0f} %"
+        seconds = sum(row.wall_seconds for row in of) / max(len(of), 1)
+        print(f"{split:<8}{len(of):>9}{len(solved):>8}  {said:<18}{false:>12}{seconds:>9.0f}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
