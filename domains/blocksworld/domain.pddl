@@ -1,6 +1,6 @@
 ; Blocks that an arm stacks, as in the S3E paper's Appendix C: cubes, cylinders and spheres, of which no sphere carries anything.
 (define (domain blocksworld)
-  (:requirements :strips :typing :derived-predicates :negative-preconditions :existential-preconditions)
+  (:requirements :strips :typing :equality :derived-predicates :negative-preconditions :existential-preconditions)
   (:types flat sphere - block
           cube cylinder - flat)
   (:predicates
@@ -25,7 +25,7 @@
 
   (:action stack
     :parameters (?block - block ?below - flat)
-    :precondition (and (holding ?block) (clear ?below))
+    :precondition (and (holding ?block) (clear ?below) (not (= ?block ?below)))
     :effect (and (on ?block ?below) (hand-empty) (not (holding ?block))))
 
   (:action unstack

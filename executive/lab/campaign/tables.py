@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from executive.lab.campaign.compare import HOW as PAIRED
 from executive.lab.campaign.compare import Paired, Side
 from executive.lab.campaign.intervals import Interval
-from executive.lab.campaign.results import HOW, METRICS, NO_VALUE, Cell, Metric, Results
+from executive.lab.campaign.results import HOW, METRICS, NO_VALUE, Cell, Metric, Results, value
 from executive.lab.common.html import DASH
 
 
@@ -27,12 +27,32 @@ def markdown(results: Results) -> str:
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def by_place(cells: Iterable[Cell]) -> dict[str, list[Cell]]:
-    """The cells of each problem, by its name."""
+MANY = 12
+"""Problems, beyond which only what they have in common is shown: each is in the JSON."""
+
+
+def by_place(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
+    """The cells of each problem, by its name; after those of all problems together, where there are several."""
     places: dict[str, list[Cell]] = {}
     for cell in cells:
         places.setdefault(f"{cell.domain}/{cell.problem}", []).append(cell)
-    return places
+    if len(places) < 2:
+        return places
+    together = {f"all {len(places)} problems": pooled(cells)}
+    return together if len(places) > MANY else {**together, **places}
+
+
+def pooled(cells: Sequence[Cell]) -> list[Cell]:
+    """The episodes of all problems, by faults and configuration, in the order of the cells."""
+    groups: dict[tuple[str, str, str], list[Cell]] = {}
+    for cell in cells:
+        groups.setdefault((cell.faults, cell.estimator, cell.monitor), []).append(cell)
+    domains = ", ".join(dict.fromkeys(cell.domain for cell in cells))
+    made = []
+    for key, members in groups.items():
+        rows = tuple(row for cell in members for row in cell.rows)
+        made.append(Cell(domains, "", *key, rows, {metric.name: value(metric, rows) for metric in METRICS}))
+    return made
 
 
 def heads() -> list[str]:

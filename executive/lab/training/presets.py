@@ -143,10 +143,10 @@ PRESETS = {
     "small": Preset(),
     "fine": Preset(
         size=ModelSize(side=256, widths=(32, 64, 160), depths=(1, 2, 2), layers=4),
-        shards=30,
+        shards=50,
         tower=Schedule(2400, 2e-3, 100, clip=2.0),
-        language=Schedule(4000, 6e-4, 30),
-        together=Schedule(1300, 7e-4),
+        language=Schedule(2500, 6e-4, 30),
+        together=Schedule(1750, 7e-4),
         fewer=Schedule(0, 4e-4),
         batch=20,
         imagined=4,

@@ -23,7 +23,7 @@ from executive.lab.campaign.episode import FAILED, Row
 from executive.lab.campaign.intervals import bootstrap, mcnemar, wilson
 from executive.lab.campaign.results import METRICS, Results, load_results, results, value
 from executive.lab.campaign.scoring import Strike
-from executive.lab.campaign.tables import heads, markdown, value_of
+from executive.lab.campaign.tables import MANY, by_place, heads, markdown, value_of
 from executive.lab.common.html import DASH
 from tests.executive.lab.campaign.players import FAULTS, Here, campaign, play
 
@@ -160,6 +160,23 @@ def test_cells_are_in_the_order_of_the_file_whatever_the_order_of_the_rows() -> 
         (faults, who) for faults in FAULTS for who in ("none", "oracle")
     ]
     assert all([each.seed for each in cell.rows] == [0, 1, 2, 3] for cell in cells)
+
+
+def test_problems_are_shown_together_and_many_of_them_only_so() -> None:
+    for count, own in ((1, 1), (2, 2), (MANY + 1, 0)):
+        names = [f"p{number}" for number in range(count)]
+        rows = [row(seed, problem=name, goal_true=name == "p0") for name in names for seed in range(4)]
+        told = {**manifest(configurations=("oracle",)), "episodes": len(rows)}
+        told["campaign"] = {**told["campaign"], "places": {f"things/{name}": "1" for name in names}}
+        made = results(told, rows)
+        shown = by_place(made.cells)
+        assert [name in shown for name in ("things/p0", f"all {count} problems")] == [own > 0, count > 1]
+        assert len(shown) == own + (count > 1)
+        if count > 1:
+            (cell,) = shown[f"all {count} problems"]
+            assert cell.values["success"].value == pytest.approx(1 / count)
+            assert cell.values["success"].episodes == 4 * count
+            assert f"all {count} problems" in markdown(made)
 
 
 def test_a_real_campaign_tells_contenders_apart(folder: Path) -> None:
