@@ -88,7 +88,7 @@ def initialise(model: Any, size: ModelSize) -> None:
                 part.weight.copy_(gain * same + 0.02 * torch.randn_like(same))
 
 
-REACH = 4
+_REACH = 4
 """Tokens to which a layer attends that gathers words: as many as a name has."""
 
 _SHARPNESS, _GATHERED, _SELECTIVE = 3.0, 0.25, 3.0
@@ -105,7 +105,7 @@ def gather_words(decoder: Any) -> None:
     looked up from the first step on, in half of what it attends to.
 
     Two rotary embeddings differ by angles that grow with their distance; with constant queries and keys the score is
-    the sum of the cosines of these angles, which is largest at half of `REACH`.
+    the sum of the cosines of these angles, which is largest at half of `_REACH`.
     """
     heads, (first_layer, second_layer, *_) = decoder.config.num_attention_heads, decoder.layers
     attention = first_layer.self_attn
@@ -119,7 +119,7 @@ def gather_words(decoder: Any) -> None:
             for number in _FREQUENCIES:
                 if number >= width // 2:
                     break
-                angle = 0.5 * (REACH - 1) * THETA ** (-2.0 * number / width)
+                angle = 0.5 * (_REACH - 1) * THETA ** (-2.0 * number / width)
                 first, second = head * width + number, head * width + number + width // 2
                 attention.k_proj.bias[first] = strength
                 attention.q_proj.bias[first] = strength * math.cos(angle)
@@ -136,7 +136,8 @@ def gather_words(decoder: Any) -> None:
 
 def tell_apart(embedding: torch.Tensor, tokens: Sequence[int], heads: int, seed: int) -> None:
     """Make the embeddings of some tokens orthogonal in the part that each head attends by, as long as they were: what
-    has all values of a description is then told from what has all but one, from the first step on."""
+    has all values of a description is then told from what has all but one, from the first step on. Where they are more
+    than such a part has dimensions, they stay as they are."""
     generator = torch.Generator().manual_seed(seed)
     width = embedding.shape[1] // heads
     if len(tokens) > width:

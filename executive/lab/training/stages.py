@@ -145,11 +145,11 @@ class Trainer:
         def step_loss(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
             return self.language_loss(states, rng, max(0.1, 0.6 - step / 400))
 
-        decoder = self.model.model.language_model
-        parts: dict[str, nn.Module] = {"decoder": decoder, "codes": self.codes, "probe": self.probe}
-        if self.keeps_words:
-            parts = {"words": decoder.embed_tokens, "layers": decoder.layers, "norm": decoder.norm, **parts}
-            del parts["decoder"]
+        language = self.model.model.language_model
+        parts: dict[str, nn.Module] = {"decoder": language}
+        if self.keeps_words:  # which have a rate of their own
+            parts = {"words": language.embed_tokens, "layers": language.layers, "norm": language.norm}
+        parts |= {"codes": self.codes, "probe": self.probe}
         self.model.train()
         rates = _KEEPING if self.keeps_words else None
         train_stage("language", file, parts, preset.language, step_loss, self.seed + 1, watch, stopped, rates)
