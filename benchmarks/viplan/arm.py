@@ -4,14 +4,16 @@
     executive bench FOLDER/viplan.toml --out RESULTS
     python -m benchmarks.viplan.arm blocksworld-pddl.json.gz FOLDER --results RESULTS
 
-The last one prints the shares of each split. The columns are places on a table, the domain is `blocksworld/columns`,
-and the robot sees by the model that comes with it. ViPlan's own closed loop has rendered pictures and no arm: its
-success is quoted beside, and is of another world.
+The last one prints the shares of each split. The columns are places on a table, and the domain is
+`blocksworld/columns`. `oracle` sees what is true after each action; with `--vlm MODEL` a model is asked as well, one
+that was trained on pictures of this scene. ViPlan's own closed loop has rendered pictures and no arm: its success is
+quoted beside, and is of another world.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
@@ -25,9 +27,8 @@ SPLITS = ("simple", "medium", "hard")
 
 _CAMPAIGN = '''title = "ViPlan's blocksworld, by the arm"
 about = """
-The {count} problems of ViPlan's blocksworld, each column a place on the table. `vlm` sees one picture after each
-action, through the model that comes with the domain. It was trained on pictures of this scene: in-domain, where
-ViPlan's models are not.
+The {count} problems of ViPlan's blocksworld, each column a place on the table. `oracle` sees what is true after each
+action.
 """
 seeds = 1
 minutes = 30
@@ -37,7 +38,7 @@ domain = "blocksworld/columns"
 problems = ["problems/*.pddl"]
 
 [estimators]
-vlm = {{}}
+oracle = {{}}
 '''
 
 
@@ -45,6 +46,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("pddl", type=Path, help="the domain and its problems, compressed JSON")
     parser.add_argument("out", type=Path, help="a folder for the problems and the campaign's file")
+    parser.add_argument("--vlm", type=Path, help="a model that is asked as well")
     parser.add_argument("--results", type=Path, help="the folder of the campaign that was played: print its shares")
     arguments = parser.parse_args()
     try:
@@ -64,7 +66,10 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in chosen.items():
         write_atomic(folder / name, text.encode())
-    write_atomic(arguments.out / "viplan.toml", _CAMPAIGN.format(count=len(chosen)).encode())
+    campaign = _CAMPAIGN.format(count=len(chosen))
+    if arguments.vlm is not None:
+        campaign += f"vlm = {{ vlm = {json.dumps(str(arguments.vlm.resolve()))} }}\n"
+    write_atomic(arguments.out / "viplan.toml", campaign.encode())
     print(f"{len(chosen)} problems; now: executive bench {arguments.out / 'viplan.toml'}")
     return 0
 
