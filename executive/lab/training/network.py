@@ -102,7 +102,7 @@ _FREQUENCIES = range(1, 7)
 def gather_words(decoder: Any) -> None:
     """Initialise the decoder's first layer so that each token is added those just before it, whatever they are, and its
     second so that what was gathered attends to the cells that show all of it: an object's name of several words is
-    looked up from the first step on, in half of what it attends to.
+    looked up from the first step on.
 
     Two rotary embeddings differ by angles that grow with their distance; with constant queries and keys the score is
     the sum of the cosines of these angles, which is largest at half of `_REACH`.
