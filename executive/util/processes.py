@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from types import FrameType
 
 TERMINATION_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -41,6 +42,8 @@ def exit_with_parent(last: Callable[[], object] | None = None, parent_ends: Call
 def block_signals() -> Iterator[None]:
     """Block termination signals, so that a process spawned meanwhile never receives one. Signals to this process are
     delivered afterwards."""
+    # The first process that is spawned would start it, and it unblocks SIGINT and SIGTERM in this process as it does.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION_SIGNALS)
     try:
         yield

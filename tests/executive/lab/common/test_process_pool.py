@@ -17,6 +17,7 @@ from executive.errors import ExecutiveError, InputError, MissingError
 from executive.lab.campaign.episode import FAILED, Player, Row, row_of
 from executive.lab.common.process_pool import TRIES, JobResult, ProcessPool, WorkerLostError, WorkerPool, run_jobs
 from executive.lab.common.ray_pool import RayPool
+from executive.util.processes import TERMINATION_SIGNALS
 from tests.executive.lab import jobs
 from tests.executive.lab.campaign import players
 from tests.executive.lab.campaign.players import campaign, lasting, play
@@ -193,6 +194,28 @@ def test_an_order_that_comes_while_a_process_is_spawned_is_not_lost() -> None:
     with pytest.raises(KeyboardInterrupt), block_signals():
         os.kill(os.getpid(), signal.SIGINT)
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+FIRST = """
+import multiprocessing, pathlib, time
+from executive.util.processes import block_signals
+
+if __name__ == "__main__":
+    process = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60.0,))
+    with block_signals():
+        process.start()
+    print(pathlib.Path(f"/proc/{process.pid}/status").read_text())
+    process.kill()
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads the signals of a process from /proc")
+def test_not_even_the_first_process_that_is_spawned_can_be_interrupted_before_it_is_ready(tmp_path: Path) -> None:
+    script = tmp_path / "first.py"
+    script.write_text(FIRST)
+    said = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True).stdout
+    blocked = int(next(line.split()[1] for line in said.splitlines() if line.startswith("SigBlk:")), 16)
+    assert [each for each in TERMINATION_SIGNALS if not blocked >> (each - 1) & 1] == []
 
 
 def test_nothing_more_is_begun_once_it_is_stopped() -> None:
