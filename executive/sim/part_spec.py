@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from executive.sim.fixtures import Colour, Strict, Vec3
 
-Material = Literal["rubber", "metal", "wood", "glass"]
+Material = Literal["rubber", "metal", "chrome", "wood", "glass"]
 Shape = Literal["box", "cylinder", "sphere", "lathe", "torus"]
 Radius = Annotated[float, Field(ge=0)]
 

@@ -211,6 +211,9 @@ class PhotorealDrawing:
         match self._materials.get(item, self._materials.get(model.geom(geom).name)):
             case "metal":
                 return {"type": "roughconductor", "material": "Al", "alpha": 0.12, "specular_reflectance": colour}
+            case "chrome":  # which reflects what is there, and not what MuJoCo draws on it
+                own = {"type": "rgb", "value": _linear(rgba[:3]).tolist()}
+                return {"type": "roughconductor", "material": "Al", "alpha": 0.06, "specular_reflectance": own}
             case "glass":
                 return {"type": "roughdielectric", "alpha": 0.02, "specular_transmittance": colour}
             case "wood":

@@ -9,12 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from executive.sim import assets, compound, meshes
 from executive.sim.fixtures import Block, DrawerSpec
+from executive.sim.part_spec import Material
 from executive.sim.spec import TEXTURES, CameraSpec, ItemSpec, RegionSpec, SceneSpec, TableSpec
 from executive.types import FloatArray
 
@@ -383,8 +386,75 @@ _PRIMITIVES = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
 }
 
-_SHINE = {"rubber": (0.1, 0.05), "wood": (0.15, 0.1), "glass": (1.0, 0.9), "metal": (1.0, 0.6)}
+_CHROME: Final = "chrome"
+
+_SHINE = {"rubber": (0.1, 0.05), "wood": (0.15, 0.1), "glass": (1.0, 0.9), "metal": (1.0, 0.6), _CHROME: (1.0, 0.6)}
 """Specularity and shininess of materials, from 0 to 1, as MuJoCo draws them."""
+
+_TEXELS = 64
+"""The side of each of the six pictures of what chrome reflects."""
+
+
+_GLOW = 0.25
+"""The emission that makes up for what its picture takes from the colour of chrome."""
+
+
+def _reflected() -> npt.NDArray[np.uint8]:
+    """What chrome reflects, around it, (6 * _TEXELS, _TEXELS, 3) from +x, -x, +y, -y, +z and -z: a bright sky with
+    lamps in it, a dark horizon, and a floor. MuJoCo itself reflects nothing in what is not flat."""
+    across, down = np.meshgrid(*[(np.arange(_TEXELS) + 0.5) / _TEXELS * 2.0 - 1.0] * 2)
+    one = np.ones_like(across)
+    sides = [(one, -down, -across), (-one, -down, across), (across, one, down), (across, -one, -down),
+             (across, -down, one), (-across, -down, -one)]  # fmt: skip
+    ways = np.stack([np.stack(side, axis=-1) for side in sides])
+    ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
+    up = ways[..., 2]
+    light = np.where(up > 0.0, 0.35 + 0.6 * np.clip(up, 0.0, 1.0) ** 0.6, 0.95 + 0.5 * np.clip(up, -1.0, 0.0))
+    for lamp in ((0.5, 0.3, 0.8), (-0.6, 0.4, 0.7), (0.1, -0.7, 0.7)):
+        light += 0.5 * np.exp(40.0 * (ways @ (np.array(lamp) / np.linalg.norm(lamp)) - 1.0))
+    grey = np.clip(255.0 * light, 0.0, 255.0).astype(np.uint8)
+    return np.repeat(grey.reshape(6 * _TEXELS, _TEXELS, 1), 3, axis=2)
+
+
+def _chrome(scene: mujoco.MjSpec, name: str) -> mujoco.MjsMaterial:
+    """A material that shows what `_reflected` says."""
+    if not any(texture.name == _CHROME for texture in scene.textures):
+        texture = scene.add_texture(
+            name=_CHROME, type=mujoco.mjtTexture.mjTEXTURE_CUBE, width=_TEXELS, height=6 * _TEXELS, nchannel=3
+        )
+        texture.data = _reflected().tobytes()
+    material = scene.add_material(name=name, emission=_GLOW)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = _CHROME
+    return material
+
+
+def _made_of(scene: mujoco.MjSpec, name: str, material: Material, geom: mujoco.MjsGeom) -> None:
+    _add_material(scene, name, material, geom)
+    geom.material = _material_name(name, material)
+
+
+def _add_material(scene: mujoco.MjSpec, name: str, material: Material, geom: mujoco.MjsGeom) -> None:
+    called = _material_name(name, material)
+    made = _chrome(scene, called) if material == _CHROME else scene.add_material(name=called)
+    made.specular, made.shininess = _SHINE[material]
+    made.rgba = geom.rgba
+
+
+def _material_name(name: str, material: Material) -> str:
+    return f"{name}/{_CHROME}" if material == _CHROME else f"{name}/material"
+
+
+def paint(model: mujoco.MjModel, item: ItemSpec) -> None:
+    """Give a described item of a primitive shape the colour and the material that `item` has. The model's item has the
+    same name and shape, and a material if this one has any."""
+    assert item.rgba is not None
+    geom = model.geom(f"{item.name}/body")
+    geom.rgba = item.rgba
+    if item.material is not None:
+        material = model.material(_material_name(item.name, item.material))
+        geom.matid = material.id
+        material.rgba = item.rgba
+        material.specular, material.shininess = _SHINE[item.material]
 
 
 def _item(scene: mujoco.MjSpec, item: ItemSpec) -> None:
@@ -399,11 +469,10 @@ def _item(scene: mujoco.MjSpec, item: ItemSpec) -> None:
             rgba=item.rgba or (0.7, 0.7, 0.7, 1), mass=item.mass, friction=friction, condim=6, group=ITEM,
         )  # fmt: skip
         if item.material is not None:
-            specular, shininess = _SHINE[item.material]
-            scene.add_material(
-                name=f"{item.name}/material", specular=specular, shininess=shininess, rgba=geom.rgba
-            )  # fmt: skip
-            geom.material = f"{item.name}/material"
+            _made_of(scene, item.name, item.material, geom)
+            if item.attributes:  # which `paint` may change
+                other: Material = "rubber" if item.material == _CHROME else _CHROME
+                _add_material(scene, item.name, other, geom)
         return
     if item.parts:
         for geom, part in zip(
@@ -411,9 +480,7 @@ def _item(scene: mujoco.MjSpec, item: ItemSpec) -> None:
         ):
             geom.friction, geom.condim, geom.group = friction, 6, ITEM
             if part.material is not None:
-                specular, shininess = _SHINE[part.material]
-                scene.add_material(name=f"{geom.name}/material", specular=specular, shininess=shininess, rgba=part.rgba)
-                geom.material = f"{geom.name}/material"
+                _made_of(scene, geom.name, part.material, geom)
         return
     source = assets.load(f"objects/{item.asset}.xml")
     inner = source.body("object")

@@ -27,6 +27,7 @@ from executive.sim import scene
 from executive.sim.initial_state import InitialState
 from executive.sim.relighting import Lights, Relighting, Shift
 from executive.sim.rendering import make_renderer
+from executive.sim.spec import ItemSpec
 from executive.types import FloatArray
 
 MASK = 48
@@ -91,6 +92,10 @@ class ImageSampler:
             "facts": np.array([[moment.facts[atom] for atom in self._atoms] for moment in moments]),
             "kinds": np.array([moment.kind for moment in moments]),
         }
+
+    def paint(self, item: ItemSpec) -> None:
+        """Gives an item its colour and its material for the next samples; see `executive.sim.scene.paint`."""
+        scene.paint(self._relighting.model, item)
 
     def close(self) -> None:
         self._small.close()

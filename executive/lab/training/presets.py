@@ -94,9 +94,12 @@ class Preset:
             **{stage: getattr(self, stage).scaled(share) for stage in ("tower", "language", "together", "fewer")},
         )
 
-    def warmed(self, cameras: int) -> Preset:
+    def warmed(self, cameras: int, alike: bool = True) -> Preset:
         """The training that starts from a model that was trained before. What is new to that is this domain's
-        pictures and words, and not how to see and to look words up. With one camera there is no subset to train on."""
+        pictures and words, and not how to see and to look words up. One that is not `alike` knows how to see alone.
+        With one camera there is no subset to train on."""
+        if not alike:
+            return replace(self, tower=self.tower.scaled(_SEEING))
         shorter = {stage: getattr(self, stage).scaled(share) for stage, share in _WARM.items()}
         if cameras == 1:
             shorter["fewer"] = replace(self.fewer, steps=0)
@@ -123,6 +126,9 @@ class Preset:
 _WARM = {"tower": 0.3, "language": 0.4, "together": 0.4, "fewer": 0.4}
 """The share of the steps of each stage that a training takes which does not start from nothing."""
 
+_SEEING = 0.6
+"""The same for the first stage of one that starts with another model's vision encoder."""
+
 _LEAST_SHARE = 0.05
 """Of a training, below which there is no point in it."""
 
@@ -143,15 +149,15 @@ PRESETS = {
     "small": Preset(),
     "fine": Preset(
         size=ModelSize(side=256, widths=(32, 64, 160), depths=(1, 2, 2), layers=4),
-        shards=50,
-        tower=Schedule(2400, 2e-3, 100, clip=2.0),
-        language=Schedule(2500, 6e-4, 30),
-        together=Schedule(1750, 7e-4),
+        shards=72,
+        tower=Schedule(3000, 2e-3, 100, clip=2.0),
+        language=Schedule(1600, 6e-4, 30),
+        together=Schedule(1600, 7e-4),
         fewer=Schedule(0, 4e-4),
         batch=20,
         imagined=4,
         scenes=12,
-        questions=20,
+        questions=12,
         align=150,
     ),
     "smallest": Preset(

@@ -8,7 +8,7 @@ the pictures cannot show, such as what is in a closed drawer, is labelled as not
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -34,6 +34,13 @@ _TIPPED = 0.18
 _IN_REGION, _ABSENT, _HIGHEST = 0.7, 0.5, 5
 """The probabilities that an item is put into a region where the domain speaks of any, and that some items are out of
 sight where items stand on each other; and the most items of a tower."""
+
+_AS_AT_START, _ATOP = 0.2, 0.4
+"""The probabilities that everything is as at the start of a problem, and that what is put elsewhere is put on top of
+something."""
+
+_STRAIGHT = 0.02
+"""The largest x and y of the quaternion of what stands upright: 2.3 degrees."""
 
 _CLOSED, _AJAR = 0.45, 0.1
 """The probabilities that a drawer is closed, and that it is open no more than partly."""
@@ -152,25 +159,10 @@ class SceneSampler:
         """Puts some items on top of others, and at times some out of sight, as those that another problem lacks."""
         rng, below = self._rng, dict[str, str]()
         for item in rng.permutation(sorted(self._bases)):
-            open_ = [
-                base
-                for base in self._bases[str(item)]
-                if base not in below.values() and base != item and _is_upright(placed[base])
-            ]
+            open_ = self._open_bases(str(item), placed, below)
             if item in below.values() or not open_ or rng.random() < 0.45:
                 continue
-            base = str(rng.choice(open_))
-            tower, at = 1, base
-            while at in below:
-                tower, at = tower + 1, below[at]
-            if tower >= _HIGHEST:
-                continue
-            shape, under = self.world.shapes[str(item)], self.world.shapes[base]
-            top = placed[base][2] + under.centre[2] + under.half[2]
-            spot = placed[base][:2] + rng.normal(0.0, 0.003, 2)
-            placed[str(item)] = placement.standing_at(shape, spot, top, float(rng.uniform(-np.pi, np.pi)))
-            below[str(item)] = base
-            self._put(str(item), placed[str(item)])
+            self._put_atop(str(item), str(rng.choice(open_)), placed, below)
         alone = sorted(set(self.world.shapes) - set(below) - set(below.values()))
         if rng.random() < _ABSENT:
             for number, item in enumerate(rng.permutation(alone)[: int(rng.integers(1, max(2, len(alone) + 1)))]):
@@ -178,25 +170,63 @@ class SceneSampler:
                 away[1] += 0.5 * number
                 self._put(str(item), away)
 
+    def _open_bases(self, item: str, placed: Mapping[str, FloatArray], below: Mapping[str, str]) -> list[str]:
+        """The items on which an item may be put: upright ones that carry nothing, but for those on high towers.
+
+        Args:
+            below: what each item stands on that stands on another.
+        """
+
+        def height(base: str) -> int:
+            return 1 + height(below[base]) if base in below else 1
+
+        return [
+            base
+            for base in self._bases.get(item, ())
+            if base not in below.values() and base != item and _is_upright(placed[base]) and height(base) < _HIGHEST
+        ]
+
+    def _put_atop(self, item: str, base: str, placed: dict[str, FloatArray], below: dict[str, str]) -> None:
+        shape, under = self.world.shapes[item], self.world.shapes[base]
+        top = placed[base][2] + under.centre[2] + under.half[2]
+        spot = placed[base][:2] + self._rng.normal(0.0, 0.003, 2)
+        placed[item] = placement.standing_at(shape, spot, top, float(self._rng.uniform(-np.pi, np.pi)))
+        below[item] = base
+        self._put(item, placed[item])
+
     def _disarrange(self, begin: bytes) -> None:
-        """Sets everything up as at the start; at times, what carries nothing then lies somewhere else."""
+        """Sets everything up as at the start. Mostly, some of what carries nothing is then put somewhere else, one
+        after the other."""
         self.world.restore(begin)
-        count = int(self._rng.choice([0, 1, 2], p=[0.6, 0.25, 0.15]))
-        for item in self._rng.permutation(self._free_items())[:count]:
-            others = {other: self._item_pose(other) for other in self.world.shapes if other != item}
-            self._put(str(item), self._spot(str(item), others, 0.02, None))
-        if count:
-            self._pass_time(0.5)
+        if self._rng.random() < _AS_AT_START:
+            return
+        placed, below = {item: self._item_pose(item) for item in self.world.shapes}, self._below()
+        for _ in range(int(self._rng.integers(1, len(placed) + 1))):
+            item = str(self._rng.choice(sorted(set(placed) - set(below.values()))))
+            below.pop(item, None)
+            others = {other: pose for other, pose in placed.items() if other != item}
+            open_ = self._open_bases(item, others, below)
+            if open_ and self._rng.random() < _ATOP:
+                self._put_atop(item, str(self._rng.choice(open_)), placed, below)
+            else:
+                placed[item] = self._spot(item, others, 0.02, None)
+                self._put(item, placed[item])
+        self._pass_time(0.5)
 
     def _free_items(self) -> list[str]:
         """The items that carry no other one."""
+        return sorted(set(self.world.shapes) - set(self._below().values()))
+
+    def _below(self) -> dict[str, str]:
+        """The lower one of two items that touch, for each upper one."""
         roots = {self._model.body(item).id: item for item in self.world.shapes}
-        carrying = set()
+        below = {}
         for contact in self._data.contact[: self._data.ncon]:
             pair = [roots.get(int(self._model.body_rootid[self._model.geom_bodyid[geom]])) for geom in contact.geom]
             if pair[0] is not None and pair[1] is not None:
-                carrying.add(min(pair, key=lambda item: self._item_pose(str(item))[2]))
-        return sorted(set(self.world.shapes) - carrying)
+                lower, upper = sorted(map(str, pair), key=lambda item: (self._item_pose(item)[2], item))
+                below[upper] = lower
+        return below
 
     def _spot(self, item: str, others: dict[str, FloatArray], gap: float, favourite: int | None) -> FloatArray:
         rng, shape, tables = self._rng, self.world.shapes[item], tuple(self.world.places().values())
@@ -356,7 +386,7 @@ class SceneSampler:
 
 
 def _is_upright(pose: FloatArray) -> bool:
-    return bool(np.abs(pose[4:6]).max() < 1e-6)
+    return bool(np.abs(pose[4:6]).max() < _STRAIGHT)
 
 
 def _any_orientation(rng: np.random.Generator) -> FloatArray:

@@ -69,7 +69,7 @@ class Training:
         self._start = None if config.start is None else warm_start.find(config.start)
         if self._start is not None:
             warm_start.check(self._start, self._whole.size, config.recipe, vision_suffices=self._space is not None)
-            self._whole = self._whole.warmed(self.cameras)
+            self._whole = self._whole.warmed(self.cameras, warm_start.is_alike(self._start, self._whole.size))
         if config.data:
             self._whole = replace(self._whole, shards=len(shards.parts_of(self._data)))
         self._remaining = RemainingTime(dict.fromkeys(STAGES, 1.0))

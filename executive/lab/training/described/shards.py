@@ -22,9 +22,11 @@ from executive.lab.common.process_pool import ReportProgress
 from executive.lab.problems import Combinations, ProblemMaker
 from executive.lab.training import image_shards
 from executive.lab.training.described.heads import MASK
-from executive.lab.training.described.space import DescribedSpace, Scenes, gathered
+from executive.lab.training.described.space import Described, DescribedSpace, Scenes, gathered
 from executive.lab.training.image_shards import ImageSampler
-from executive.sim.spec import ItemSpec, read_scene
+from executive.lab.training.scene_sampler import VARIANTS
+from executive.sim.described import Attributes, keys_of
+from executive.sim.spec import ItemSpec, SceneSpec, read_scene
 from executive.types import Atom
 
 PER_PROBLEM = 12
@@ -38,6 +40,9 @@ _PROBLEMS = 10_000
 
 _TRIES = 5
 """Problems in a row that leave no room for their objects, after which something is wrong."""
+
+_PAINT = {"rgba", "material"}
+"""The keys of an item that can be changed in a world that is there."""
 
 Arrays = Mapping[str, np.ndarray[Any, Any]]
 
@@ -82,16 +87,36 @@ class Drawn:
 
     def _sampled(self, domain: Domain, space: DescribedSpace, problem: int, count: int) -> Arrays:
         sampler = ImageSampler(domain, [self.seed, problem], self.side, start=checked_stage(domain), mask=MASK)
+        rng, spec = np.random.default_rng([self.seed, problem, 2]), read_scene(domain.scene)
+        # Masks number the items by name.
+        items = {item.name: item for item in sorted(_items(domain), key=lambda item: item.name)}
+        paints = _paints(spec) if all(item.shape is not None for item in items.values()) else {}
+        atoms, parts = domain.task.atoms, list[Arrays]()
         try:
-            arrays = sampler.shard(count)
+            for first in range(0, count, VARIANTS):
+                objects: Described = {name: item.attributes for name, item in items.items()}
+                if first and paints:  # other shapes and sizes cost another world, and colours nothing
+                    objects = space.painted_anew(objects, paints, rng)
+                    for name, described in objects.items():
+                        keys = keys_of({each: described[each] for each in paints}, paints)
+                        sampler.paint(items[name].model_copy(update=keys))
+                arrays = sampler.shard(min(VARIANTS, count - first))
+                facts = [dict(zip(atoms, row.tolist(), strict=True)) for row in arrays["facts"]]
+                scenes = gathered([space.encode(objects, each) for each in facts])
+                parts.append({"pictures": arrays["pictures"], "items": arrays["items"], **scenes._asdict()})
         finally:
             sampler.close()
-        # Masks number the items by name.
-        items = {item.name: item.attributes for item in _items(domain)}
-        objects = {name: items[name] for name in sorted(items)}
-        atoms = domain.task.atoms
-        scenes = [space.encode(objects, dict(zip(atoms, row.tolist(), strict=True))) for row in arrays["facts"]]
-        return {"pictures": arrays["pictures"], "items": arrays["items"], **gathered(scenes)._asdict()}
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _paints(spec: SceneSpec) -> Attributes:
+    """The attributes whose values are colours and materials and nothing else."""
+    said = {name: {value: part.keys_said() for value, part in of.items()} for name, of in spec.attributes.items()}
+    return {
+        name: values
+        for name, values in said.items()
+        if len({frozenset(keys) for keys in values.values()}) == 1 and set().union(*values.values()) <= _PAINT
+    }
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ object (what is on the block).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -127,6 +127,16 @@ class DescribedSpace:
     def is_held_out(self, described: Mapping[str, str]) -> bool:
         """Whether a description has a combination of values that training does not see."""
         return any(pair.items() <= described.items() for pair in self.held_out)
+
+    def painted_anew(self, objects: Described, painted: Collection[str], rng: np.random.Generator) -> Described:
+        """The same objects with other values of the attributes `painted`, such that training may see them and no two
+        are alike."""
+        found: dict[str, Mapping[str, str]] = {}
+        for name in rng.permutation(sorted(objects)).tolist():
+            kept = {key: value for key, value in objects[name].items() if key not in painted}.items()
+            open_ = [each for each in self.descriptions if kept <= each.items() and each not in found.values()]
+            found[name] = open_[int(rng.integers(len(open_)))]
+        return {name: found[name] for name in objects}
 
     def encode(self, objects: Described, facts: Mapping[Atom, bool], file: Path | None = None) -> Scenes:
         """One scene.

@@ -138,6 +138,9 @@ def test_a_warm_training_is_shorter_and_one_camera_has_no_subsets() -> None:
     assert sum(several.efforts(PACE_HERE).values()) < 0.65 * sum(whole.efforts(PACE_HERE).values())
     assert (one.fewer.steps, "fewer" in one.efforts(PACE_HERE)) == (0, False)
     assert {**asdict(one), "fewer": None} == {**asdict(several), "fewer": None}
+    seeing = whole.warmed(5, alike=False)  # which has an encoder to start from, and no decoder
+    assert seeing.tower.steps < whole.tower.steps
+    assert {**asdict(seeing), "tower": None} == {**asdict(whole), "tower": None}
 
 
 def test_a_budget_that_is_too_small_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
