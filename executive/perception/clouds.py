@@ -5,16 +5,19 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import minimum_filter
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from executive.perception.image_kernels import least_around
 from executive.types import Camera, DepthImage, FloatArray, Image
+
+_Real = TypeVar("_Real", np.float32, np.float64)
 
 NOISE = 0.002
 """Standard deviation of a measurement at 1 m, in m, that is reckoned with; it grows with the square of the distance."""
@@ -59,7 +62,7 @@ class View:
         rotation = Rotation.from_quat([x, y, z, w]).as_matrix() @ np.diag([1.0, -1.0, -1.0])
         focal = 0.5 * camera.height / math.tan(0.5 * camera.fovy)
         metres = (depth / 1000.0).astype(np.float32)
-        nearest = minimum_filter(np.where(depth > 0, metres, np.float32(np.inf)), 3)
+        nearest = _least_around(np.where(depth > 0, metres, np.float32(np.inf)))
         return cls(camera.name, metres, focal, rotation, np.array(camera.pose[:3]), nearest)
 
     def project(self, points: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
@@ -98,6 +101,12 @@ class Cloud:
         return Cloud(self.points[chosen], self.colours[chosen], self.views[chosen])
 
 
+def _least_around(picture: npt.NDArray[_Real]) -> npt.NDArray[_Real]:
+    found = np.empty_like(picture)
+    least_around(picture, found)
+    return found
+
+
 def tolerance(distance: FloatArray | npt.NDArray[np.float32]) -> FloatArray:
     """How far in m from what is expected a measurement may be and be of the same."""
     return np.asarray(3.0 * NOISE * distance**2 + _BESIDE)
@@ -109,7 +118,7 @@ def foreground(view: View, expected: FloatArray) -> npt.NDArray[np.int64]:
     Args:
         expected: the distance of furniture and robot, (H, W) in m.
     """
-    nearest = minimum_filter(expected, 3)  # at edges, a measurement may be of the pixel beside
+    nearest = _least_around(expected)  # at edges, a measurement may be of the pixel beside
     return np.flatnonzero((view.depth > 0.0) & (view.depth < nearest - tolerance(view.depth)))
 
 
@@ -120,7 +129,7 @@ def misplaced(view: View, expected: FloatArray) -> str:
         expected: the distance of furniture and robot, (H, W) in m.
     """
     measured = view.depth > 0.0
-    farthest = -minimum_filter(-expected, 3)
+    farthest = -_least_around(-expected)
     through = measured & (view.depth > farthest + tolerance(view.depth) + 0.01)
     share = float(through.sum() / max(1, int(measured.sum())))
     if share > _THROUGH:

@@ -3,30 +3,16 @@ distance field, and added to its pose's normal equations, with nothing stored in
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
-
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from executive.types import FloatArray
+from executive.util.compiled import compiled
 
 Field = npt.NDArray[np.float32]
-_Function = TypeVar("_Function", bound=Callable[..., object])
 
 
-def _compiled(function: _Function) -> _Function:
-    """Compile a function at its first call, and keep that for other processes where there is a folder for it."""
-    made: Any
-    try:
-        made = numba.njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:
-        made = numba.njit(error_model="numpy")(function)
-    return cast("_Function", made)
-
-
-@_compiled
+@compiled
 def normal_equations(
     field: Field,
     low: FloatArray,
@@ -69,7 +55,7 @@ def normal_equations(
                 normal[pose, other, one] = normal[pose, one, other]
 
 
-@_compiled
+@compiled
 def mean_distances(
     field: Field,
     low: FloatArray,
@@ -93,7 +79,7 @@ def mean_distances(
         means[pose] = total / len(points)
 
 
-@_compiled
+@compiled
 def _looked_up(
     field: Field,
     low: FloatArray,

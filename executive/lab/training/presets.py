@@ -149,7 +149,7 @@ PRESETS = {
     "small": Preset(),
     "fine": Preset(
         size=ModelSize(side=256, widths=(32, 64, 160), depths=(1, 2, 2), layers=4),
-        shards=72,
+        shards=48,
         tower=Schedule(3000, 2e-3, 100, clip=2.0),
         language=Schedule(1600, 6e-4, 30),
         together=Schedule(1600, 7e-4),
