@@ -48,6 +48,10 @@ _HELD_MOVES = 0.06
 _NEAR_ITEM = 0.025
 """m around what is held or hidden within which points are taken to be of it, or of the fingers on it."""
 
+_AS_WELL, _AS_WELL_BY = 1.2, 0.0002
+"""The points may be that many times, and that many m, farther from the surface of an item that is where it was than
+they were: their noise differs."""
+
 _GONE = 0.2
 """The share of an item's surface that a camera looks through where it was, from which on it is not there any more."""
 
@@ -166,6 +170,7 @@ class Localizer:
         held = self._held
         if held is not None:
             cloud = self._follow(*held, hand, cloud, views, found, sensed.time)
+        cloud = self._keep(before, cloud, views, found, sensed.time)
         cloud = self._find(cloud, views, found, sensed.time)
         found, before = self._tell_apart(found, before, sensed.time)
         if held is None and HOLDING[0] < sensed.width < HOLDING[1] and (name := self._take_hold(hand, found)):
@@ -201,6 +206,28 @@ class Localizer:
             pixels.append(clouds.foreground(view, expected[name]))
             images.append(sensed.images[name])
         return views, clouds.cloud(views, pixels, images), left_out
+
+    def _keep(
+        self,
+        before: Mapping[str, EstimatedPose],
+        cloud: Cloud,
+        views: list[View],
+        found: dict[str, EstimatedPose],
+        time: float,
+    ) -> Cloud:
+        """Adds the items that were seen and are clearly still where they were to `found`, so that nothing else is
+        tried for them; returns the points that are of none. Identical ones are told apart, and searched for, together.
+        """
+        twins = {name for names in self.identical for name in names}
+        for name, pose in before.items():
+            if pose.source != "seen" or name in found or name in twins:
+                continue
+            model, body = self._models[name], matrix(pose.pose)
+            match = matching.kept_match(model, body[:3, :3], self.centre(name, pose), cloud, views)
+            if match is not None and match.misfit < _AS_WELL * pose.misfit + _AS_WELL_BY:
+                found[name] = _estimated(match, cloud, views, "seen", time)
+                cloud = _without(cloud, match)
+        return cloud
 
     def _find(self, cloud: Cloud, views: list[View], found: dict[str, EstimatedPose], time: float) -> Cloud:
         """Adds the items that are among the points to `found`; returns the points that are of none."""

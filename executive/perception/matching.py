@@ -34,6 +34,9 @@ on its points nearly as well when it is turned by a quarter."""
 ACCEPTED = 0.55
 """The largest cost of a pose that is believed."""
 
+_STILL, _STILL_TURNED, _ENOUGH = 0.003, 0.06, 60
+"""m and rad within which an item is where it was, and the points on it that tell so."""
+
 CLEAR = 0.35
 """The cost below which no other item needs to be tried."""
 
@@ -145,6 +148,29 @@ def _near(match: Match, points: FloatArray) -> npt.NDArray[np.bool_]:
     """Which points are near the surface of a matched item."""
     distance, _ = match.model.distances((points - match.translation) @ match.rotation)
     return np.asarray(np.abs(distance) < LARGEST)
+
+
+def kept_match(
+    model: ItemModel, rotation: FloatArray, translation: FloatArray, cloud: Cloud, views: Sequence[View]
+) -> Match | None:
+    """The pose of an item that is clearly still where it was, by the points on it; None where that is not clear.
+
+    Args:
+        rotation, translation: where its centre was, (3, 3) and (3,).
+        cloud: all points.
+    """
+    here = np.linalg.norm(cloud.points - translation, axis=1) < float(np.linalg.norm(model.half)) + LARGEST
+    near = cloud.of(here)
+    near = near.of(_near(Match(model, rotation, translation, 0.0, 0.0, np.zeros(len(views))), near.points))
+    if len(near) < _ENOUGH:
+        return None
+    turns = np.stack([rotation, *(rotation @ turn for turn in model.lookalikes)])
+    poses = Poses(turns, np.tile(translation, (len(turns), 1)), np.full(len(turns), np.inf))
+    poses = refined(model, poses, _thinned(near.points, _FINE), 4)
+    found = _judged(model, refined(model, poses, _thinned(near.points, _FULL), 4), near, views)
+    turned = float(np.arccos(np.clip(0.5 * (np.trace(rotation.T @ found.rotation) - 1.0), -1.0, 1.0)))
+    moved = float(np.linalg.norm(found.translation - translation))
+    return found if found.cost < CLEAR and moved < _STILL and turned < _STILL_TURNED else None
 
 
 def tracked_match(model: ItemModel, poses: Poses, cluster: Cloud, views: Sequence[View]) -> Match:

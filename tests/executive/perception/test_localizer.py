@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from executive.perception import matching
 from executive.perception.localizer import Localizer, matrix
+from executive.perception.models import ItemModel
 from executive.types import FloatArray, PosesEstimated
 from tests.executive.perception.room import BLUE, RED, Room, box, camera, pose
 
@@ -205,3 +209,27 @@ def test_what_may_hide_an_item_is_what_stands_before_a_place_where_it_could_be()
     assert localizer.hiders("brick", behind) == ("screen",)
     assert localizer.hiders("brick", before) == ()  # it would be seen there
     assert localizer.hiders("brick", np.array([[0.1, 0.0, 0.05]])) == ()  # where another thing is, nothing else can be
+
+
+def test_only_what_has_moved_is_searched_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    searched: list[set[str]] = []
+    find = matching.match
+
+    def watched(models: Sequence[ItemModel], *rest: Any) -> Any:
+        searched.append({model.name for model in models})
+        return find(models, *rest)
+
+    monkeypatch.setattr(matching, "match", watched)
+    room = Room([BRICK, TOWER], WHERE)
+    localizer = room.localizer()
+    localizer.now()
+    assert searched[0] == {"brick", "tower"}
+    searched.clear()
+    room.where["tower"] = pose(0.1, -0.05, 0.08, 0.2)
+    assert_found(later(localizer, room), room, "brick", "tower")
+    assert searched[0] == {"tower"}
+    searched.clear()
+    assert_found(later(localizer, room), room, "brick", "tower")
+    assert all(not names for names in searched)
+    del room.where["brick"]  # and what is not there is not kept
+    assert later(localizer, room).missing == ("brick",)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from executive.errors import DomainError
-from executive.sim.depth_sensor import FARTHEST, NEAREST, measured
+from executive.sim.depth_kernels import FARTHEST, NEAREST
+from executive.sim.depth_sensor import measured
 from executive.sim.spec import CameraSpec, read_scene
 from executive.types import DepthImage, FloatArray, Image
 from tests.executive.sim.stage import SCENE, grocery
