@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,21 +21,32 @@ from executive.lab.training.wordings import Wordings
 
 class CellEmbeddings(nn.Module):
     """The target embedding of a cell: the negative sum of the word embeddings of what it shows. There is one code per
-    item, one per facet, and one for everything else."""
+    item, one per facet, and one for everything else. Of a name, only the words count that fewest others have: the first
+    column from the left is looked up by `first`."""
 
     def __init__(self, model: Any, tokenizer: Any, labels: LabelSpace, wordings: Wordings) -> None:
         super().__init__()
         embedding = model.model.language_model.embed_tokens.weight.detach()
 
-        def mean_embedding(text: str) -> torch.Tensor:
-            mean: torch.Tensor = embedding[torch.tensor(tokenizer(text, add_special_tokens=False)["input_ids"])].mean(0)
+        def tokens(text: str) -> list[int]:
+            return list(tokenizer(text, add_special_tokens=False)["input_ids"])
+
+        names = {name: tokens(called[0]) for name, called in wordings.names.items()}
+        having = Counter(token for name in names.values() for token in set(name))
+        own = {
+            name: [token for token in found if having[token] == min(having[each] for each in found)]
+            for name, found in names.items()
+        }
+
+        def mean_embedding(found: Sequence[int]) -> torch.Tensor:
+            mean: torch.Tensor = embedding[torch.tensor(found)].mean(0)
             return mean
 
-        items = [mean_embedding(wordings.names[item][0]) for item in labels.items]
+        items = [mean_embedding(own[item]) for item in labels.items]
         facets = []
         for number, (item, index) in enumerate(labels.facets):
-            others = [wordings.names[name][0] for name in labels.atoms[index].args if name != labels.items[item]]
-            facets.append(mean_embedding(" ".join(others) or labels.label(number)))
+            others = [token for name in labels.atoms[index].args if name != labels.items[item] for token in own[name]]
+            facets.append(mean_embedding(others or tokens(labels.label(number))))
         self.codes = nn.Parameter(-torch.stack([*items, *facets]))
         self.ground = nn.Parameter(0.3 * torch.randn(embedding.shape[1]) * embedding.std())
 

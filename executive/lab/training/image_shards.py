@@ -30,9 +30,6 @@ from executive.sim.rendering import make_renderer
 from executive.sim.spec import ItemSpec
 from executive.types import FloatArray
 
-MASK = 48
-"""The side of a mask, in pixels."""
-
 _PLAIN_SHARE = 0.35
 """The share of samples that is drawn without randomised lights, cameras and colours, as in runs."""
 
@@ -60,7 +57,7 @@ class ImageSampler:
         side: int,
         cameras: Sequence[str] | None = None,
         start: InitialState | None = None,
-        mask: int = MASK,
+        mask: int = 48,
     ) -> None:
         self._sampler = SceneSampler(domain, [*seed, 0], start)
         self._rng = np.random.default_rng(np.random.SeedSequence([*seed, 1]))
@@ -155,9 +152,11 @@ class ShardWriter:
     side: int
     count: int
     folder: Path
+    mask: int = 48
 
     def __call__(self, number: int, tell: ReportProgress) -> None:
-        sampler = ImageSampler(load_domain(self.domain, self.problem), [self.seed, number], self.side)
+        domain = load_domain(self.domain, self.problem)
+        sampler = ImageSampler(domain, [self.seed, number], self.side, mask=self.mask)
         try:
             write_shard(self.folder, number, sampler.shard(self.count, tell))
         except OSError as error:

@@ -34,6 +34,11 @@ class ModelSize:
     def cells(self) -> int:
         return self.grid**2
 
+    @property
+    def mask(self) -> int:
+        """The side of a mask in pixels: some for each cell of a grid that is twice as fine."""
+        return 48 if self.grid <= 12 else 96
+
 
 SMALLEST = ModelSize(
     side=64, stem=8, widths=(8, 8, 16, 16), depths=(1, 1, 1, 1), hidden=32, layers=2, heads=2, inner=32

@@ -35,6 +35,9 @@ TOWER, LANGUAGE, TOGETHER, FEWER = "tower.pt", "language.pt", "together.pt", "fe
 Watch = Callable[[Report], None]
 
 
+_FULL = 0.1875
+"""The share of a cell from which on an item counts in it as much as one that fills it."""
+
 _KEEPING = {"words": 0.1, "codes": 0.1, "probe": 3.0}
 """Factors of the learning rate where words and codes were chosen so that names are found from the first step on: base
 rates, which are learned before that is of any use, would change them beyond recognition."""
@@ -57,7 +60,8 @@ class Trainer:
 
     Args:
         seed: fixes everything.
-        start: the folder of a trained model whose weights are the first ones.
+        start: the folder of a trained model whose weights are the first ones; of one of another size, those of its
+            vision encoder alone.
     """
 
     keeps_words = False
@@ -82,7 +86,7 @@ class Trainer:
         self.tokenizer = tokenizer.make_tokenizer(self._corpus([instructed, untranslated]), preset.vocabulary)
         self.model = network.build(preset.size, self.tokenizer)
         if start is not None:
-            warm_start.load(self.model, self.tokenizer, start)
+            warm_start.begin(self.model, self.tokenizer, start, preset.size)
         self.dense: nn.Module = vision_encoder.Dense(preset.size, self.labels)
         self.codes: nn.Module = decoder.CellEmbeddings(self.model, self.tokenizer, self.labels, self.wordings)
         self.probe: nn.Module = decoder.Probe(preset.size, self.labels)
@@ -267,7 +271,7 @@ class Trainer:
     def _shown(self, masks: np.ndarray[Any, Any], facts: np.ndarray[Any, Any]) -> torch.Tensor:
         """The input of `CellEmbeddings` for each cell: (B, N, items + facets), from 0 to 1."""
         pixels = vision_encoder.shown(torch.from_numpy(masks), len(self.labels.items), self.preset.size.grid)
-        amount = (pixels / 12.0).clamp_max_(1.0)
+        amount = (pixels / (_FULL * (masks.shape[-1] / self.preset.size.grid) ** 2)).clamp_max_(1.0)
         true = torch.from_numpy(facts).float()[:, self.labels.facet_atoms, None, None]
         each = torch.cat([amount, amount[:, self.labels.facet_items] * true], 1)
         return each.flatten(2).permute(0, 2, 1).to(self.device)

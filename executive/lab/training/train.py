@@ -68,7 +68,7 @@ class Training:
         self._space = self._described_space()
         self._start = None if config.start is None else warm_start.find(config.start)
         if self._start is not None:
-            warm_start.check(self._start, self._whole.size, config.recipe, vision_suffices=self._space is not None)
+            warm_start.check(self._start, self._whole.size, config.recipe)
             self._whole = self._whole.warmed(self.cameras, warm_start.is_alike(self._start, self._whole.size))
         if config.data:
             self._whole = replace(self._whole, shards=len(shards.parts_of(self._data)))
@@ -182,10 +182,11 @@ class Training:
         """Makes what writes shards of so many moments into a folder."""
         from executive.lab.training import image_shards
 
-        config, side = self.config, self._whole.size.side
+        config, size = self.config, self._whole.size
         if self._space is None:
-            return partial(image_shards.ShardWriter, config.domain, config.problem, config.seed, side)
-        return partial(shards.Drawn, config.domain, read_range(config.objects), config.seed, side)
+            named = partial(image_shards.ShardWriter, config.domain, config.problem, config.seed, size.side)
+            return partial(named, mask=size.mask)
+        return partial(shards.Drawn, config.domain, read_range(config.objects), config.seed, size.side)
 
     def _draw(self, watch: Watch) -> None:
         from executive.lab.training import image_shards

@@ -14,7 +14,6 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from executive.lab.training.image_shards import MASK
 from executive.lab.training.label_space import LabelSpace
 from executive.lab.training.network import MEAN, STD
 from executive.lab.training.optimiser import autocast
@@ -66,7 +65,7 @@ class Dense(nn.Module):
 
 def shown(masks: torch.Tensor, items: int, grid: int) -> torch.Tensor:
     """Counts the mask pixels of each item in each cell: (B, items, grid, grid)."""
-    cell = MASK // grid
+    cell = masks.shape[-1] // grid
     each = torch.stack([masks == item + 1 for item in range(items)], 1).float()
     return functional.avg_pool2d(each, cell) * cell**2
 

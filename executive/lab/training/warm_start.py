@@ -40,9 +40,9 @@ def find(said: str) -> Path:
     return folder
 
 
-def check(folder: Path, size: ModelSize, recipe: str, vision_suffices: bool = False) -> None:
-    """Check that a model has the architecture and the size that a recipe makes, or, if that suffices, that its vision
-    encoder begins as the recipe's does, whatever else it has.
+def check(folder: Path, size: ModelSize, recipe: str) -> None:
+    """Check that a model has the architecture that a recipe makes, and that its vision encoder begins as the recipe's
+    does, whatever else it has.
 
     Raises:
         InputError: it has another one; the first difference is named.
@@ -53,9 +53,7 @@ def check(folder: Path, size: ModelSize, recipe: str, vision_suffices: bool = Fa
         raise InputError(
             f"is a model of the type {kind!r}, and a training starts from {ARCHITECTURE!r} alone", file=file
         )
-    found = _difference(folder, size)
-    if found is not None and vision_suffices:
-        found = _difference(folder, size, stages=len(size.widths))
+    found = _difference(folder, size, stages=len(size.widths))
     if found is not None:
         name, there, here = found
         raise InputError(
@@ -98,8 +96,16 @@ def digest(folder: Path) -> str:
     return hashlib.sha256((folder / checkpoint.WEIGHTS).read_bytes()).hexdigest()
 
 
+def begin(model: Any, tokenizer: Any, folder: Path, size: ModelSize) -> None:
+    """Give a new model of this size the weights of the one in a folder: all of them, or those of its vision encoder."""
+    if is_alike(folder, size):
+        load(model, tokenizer, folder)
+    else:
+        load_vision(model, folder)
+
+
 def load(model: Any, tokenizer: Any, folder: Path) -> None:
-    """Give a new model the weights of the one in a folder, as far as `check` has found them to be alike."""
+    """Give a new model the weights of one that is alike."""
     import torch
 
     with importing(), quiet():

@@ -34,7 +34,7 @@ class DescribedTrainer(Trainer):
         space: the vocabulary of the domain's scenes.
         seed: fixes everything.
         start: the folder of a trained model whose weights are the first ones; of one of another size, those of its
-            vision encoder alone. Such a one looks up names that are a word each, which is of no use here.
+            vision encoder alone.
     """
 
     keeps_words = True
@@ -67,10 +67,8 @@ class DescribedTrainer(Trainer):
         network.tell_apart(
             decoder.embed_tokens.weight, [ids[0] for ids in words_of if len(ids) == 1], preset.size.heads, seed
         )
-        if start is not None and warm_start.is_alike(start, preset.size):
-            warm_start.load(self.model, self.tokenizer, start)
-        elif start is not None:
-            warm_start.load_vision(self.model, start)
+        if start is not None:
+            warm_start.begin(self.model, self.tokenizer, start, preset.size)
         self.dense = heads.Dense(preset.size, space)
         self.codes = heads.Codes(self.model, self.tokenizer, space, self.words)
         self.probe = heads.Probe(preset.size, space)

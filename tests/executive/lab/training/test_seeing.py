@@ -99,7 +99,7 @@ def test_a_shard_is_read_as_it_was_drawn(tmp_path: Path) -> None:
     count, cameras = shard.pictures.shape[:2]
     assert count == 6
     assert shard.pictures.shape[2:] == (64, 64, 3)
-    assert shard.items.shape == (6, cameras, image_shards.MASK, image_shards.MASK)
+    assert shard.items.shape == (6, cameras, 48, 48)
     assert shard.facts.shape == (6, len(labels.atoms))
     assert set(np.unique(shard.items)) == {0, *range(1, len(labels.items) + 1)}
     # Somebody else may have drawn it meanwhile; it is the same.
@@ -110,7 +110,7 @@ def test_a_shard_is_read_as_it_was_drawn(tmp_path: Path) -> None:
 
 
 def test_a_cell_shows_as_many_pixels_as_it_has() -> None:
-    masks = torch.from_numpy(np.random.default_rng(0).integers(0, 3, (2, image_shards.MASK, image_shards.MASK)))
+    masks = torch.from_numpy(np.random.default_rng(0).integers(0, 3, (2, 48, 48)))
     for grid in (2, 4, 6, 12):
         cells = vision_encoder.shown(masks, 2, grid)
         assert cells.shape == (2, 2, grid, grid)
@@ -153,7 +153,7 @@ def test_dense_labels_reward_what_is_shown() -> None:
     labels = LabelSpace.of(load_domain(TRAY))
     dense = vision_encoder.Dense(SMALLEST, labels)
     items, facets = len(labels.items), len(labels.facets)
-    masks = torch.zeros(1, image_shards.MASK, image_shards.MASK, dtype=torch.uint8)
+    masks = torch.zeros(1, 48, 48, dtype=torch.uint8)
     masks[:, :24, :24] = 1
     facts = torch.zeros(1, len(labels.atoms), dtype=torch.bool)
     facts[0, labels.facets[0][1]] = True

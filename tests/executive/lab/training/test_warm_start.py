@@ -74,7 +74,7 @@ def test_it_trains_to_the_end_and_says_where_it_came_from(model: Path, tmp_path:
 
 def test_a_finer_model_begins_with_the_other_s_way_to_see(model: Path) -> None:
     finer = replace(SMALLEST, side=128, widths=SMALLEST.widths[:3], depths=SMALLEST.depths[:3], hidden=48, layers=3)
-    warm_start.check(model, finer, "finer", vision_suffices=True)
+    warm_start.check(model, finer, "finer")
     new, old = network.build(finer, AutoTokenizer.from_pretrained(model)), warm_start._read(model)
     warm_start.load_vision(new, model)
     shown = torch.rand(2, 3, 128, 128, generator=torch.Generator().manual_seed(0))
@@ -83,14 +83,14 @@ def test_a_finer_model_begins_with_the_other_s_way_to_see(model: Path) -> None:
         whole = old.eval().model.vision_tower(shown, output_hidden_states=True).hidden_states
     assert torch.equal(last, whole[-2])
     assert (warm_start.is_alike(model, SMALLEST), warm_start.is_alike(model, finer)) == (True, False)
-    with pytest.raises(InputError, match="recipe 'finer' makes: picture is 64 there and 128 here"):
-        warm_start.check(model, replace(finer, widths=SMALLEST.widths, depths=SMALLEST.depths), "finer")
+    with pytest.raises(InputError, match="recipe 'wider' makes: hidden_sizes is"):
+        warm_start.check(model, replace(finer, widths=(8, 8, 32)), "wider")
     with pytest.raises(InputError, match="depths is"):
-        warm_start.check(model, replace(finer, depths=(1, 1, 2)), "deeper", vision_suffices=True)
+        warm_start.check(model, replace(finer, depths=(1, 1, 2)), "deeper")
 
 
-def test_a_model_of_another_size_is_refused(model: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"recipe 'small' makes: picture is 64 there and 192 here"):
+def test_a_model_whose_encoder_is_another_is_refused(model: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"recipe 'small' makes: embedding_size is 8 there and 32 here"):
         Training(TrainConfig(str(TRAY), tmp_path / "x", start=str(model)))
     assert not (tmp_path / "x").exists()
 
@@ -107,7 +107,7 @@ def test_a_model_of_another_architecture_is_refused(model: Path, tmp_path: Path)
 def test_the_model_that_comes_along_has_two_names() -> None:
     assert warm_start.find("grocery") == warm_start.find("grocery-eye")
     warm_start.check(warm_start.find("grocery"), PRESETS["small"].size, "small")
-    warm_start.check(warm_start.find("grocery"), PRESETS["fine"].size, "fine", vision_suffices=True)
+    warm_start.check(warm_start.find("grocery"), PRESETS["fine"].size, "fine")
 
 
 def test_a_model_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
