@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 Writer = Callable[[int, ReportProgress], None]
 """Writes the shard of a number."""
 
-_FEW, _MORE = PER_PROBLEM, 3 * PER_PROBLEM
-"""Moments of two shards: the difference of their times is what moments cost, without what comes once per shard, and
-with what comes once for the same objects."""
+_FIRST, _FEW, _MORE = 1, PER_PROBLEM, 3 * PER_PROBLEM
+"""Moments of three shards. With the first one, libraries are loaded. The difference of the times of the other two is
+what moments cost, without what comes once per shard, and with what comes once for the same objects."""
 
 
 class WritingTimer:
-    """The job of a worker process: writes two shards, and returns the seconds that it took for each moment more.
+    """The job of a worker process: writes three shards, and returns the seconds that it took for each moment more.
 
     Args:
         writer: makes the writer of shards of so many moments into a folder.
@@ -40,12 +40,12 @@ class WritingTimer:
 
     def __call__(self, number: int, tell: ReportProgress) -> float:
         taken = []
-        for at, count in enumerate((_FEW, _MORE)):
+        for at, count in enumerate((_FIRST, _FEW, _MORE)):
             began = time.perf_counter()
-            self._writer(count, self._folder)(2 * number + at, tell)
+            self._writer(count, self._folder)(3 * number + at, tell)
             taken.append(time.perf_counter() - began)
-        few, more = taken
-        return max((more - few) / (_MORE - _FEW), 0.5 * more / _MORE)  # the first one also loads libraries
+        _, few, more = taken
+        return max((more - few) / (_MORE - _FEW), 0.5 * more / _MORE)  # objects may be fewer in the larger one
 
 
 def measure(

@@ -97,6 +97,7 @@ class Trainer:
 
     def _place(self) -> None:
         """Brings all parts to the device that there is."""
+        decoder.prepare(self.model)
         markers = self.tokenizer.convert_tokens_to_ids(list(tokenizer.PICTURES))
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         self._markers = torch.tensor(markers, device=self.device)
