@@ -10,6 +10,7 @@ import pytest
 
 from executive.errors import DomainError
 from executive.sim.described import attributes_of
+from executive.sim.scene import paint
 from executive.sim.spec import SceneSpec, read_scene
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
@@ -52,9 +53,27 @@ def test_an_item_is_made_from_its_name_or_from_its_attributes(spec: SceneSpec, s
     made = {item.name: item for item in spec.restricted_to({BASE: "cube", BALL: "sphere"}, scene).items}
     assert list(made) == [BALL, BASE]
     cube, ball = made[BASE], made[BALL]
-    assert (cube.shape, cube.size, cube.material) == ("box", (0.052, 0.052, 0.052), "metal")
+    assert (cube.shape, cube.size, cube.material) == ("box", (0.052, 0.052, 0.052), "chrome")
     assert cube.attributes == {"size": "large", "colour": "blue", "material": "metal", "shape": "cube"}
     assert (ball.shape, ball.mass, ball.attributes["colour"]) == ("sphere", 0.2, "gray"), "its own mass counts for more"
+
+
+@pytest.mark.parametrize("shape", ["cube", "cylinder", "sphere"])
+def test_metal_is_told_from_rubber_and_what_is_painted_looks_as_what_is_made_so(scene: Path, shape: str) -> None:
+    def look(made: str, painted: str) -> np.ndarray:
+        world = MujocoWorld(scene, {made: shape}, seed=2)
+        try:
+            (wanted,) = read_scene(scene).restricted_to({painted: shape}, scene).items
+            paint(world.model, wanted.model_copy(update={"name": made}))
+            return world.render("front").astype(int)
+        finally:
+            world.close()
+
+    metal, rubber = f"large-green-metal-{shape}", f"large-green-rubber-{shape}"
+    apart = np.abs(look(metal, metal) - look(rubber, rubber)).max(axis=2)
+    assert (apart > 15).sum() > 100, "pixels"
+    assert np.array_equal(look(metal, rubber), look(rubber, rubber))
+    assert np.array_equal(look(rubber, metal), look(metal, metal))
 
 
 @pytest.mark.parametrize(

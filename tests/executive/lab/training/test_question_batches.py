@@ -46,6 +46,23 @@ def test_no_question_is_influenced_by_another_nor_by_another_scene(trainer: Trai
     assert not torch.allclose(before, after, atol=2e-2)
 
 
+def test_it_attends_as_torch_itself_does_with_the_mask(trainer: Trainer) -> None:
+    trainer.model.eval()
+    trainer.sampler.reseed(3)
+    asked = trainer.sampler.ask(states(trainer, 2, 3), 7, 5, 0.3)
+    tokens = torch.randn(2, 7, trainer.preset.size.hidden, generator=torch.Generator().manual_seed(3))
+    language = trainer.model.model.language_model
+    with torch.no_grad():
+        ours = decoder.answers(trainer.model, tokens, asked)
+        language.set_attn_implementation("sdpa")
+        try:
+            theirs = decoder.answers(trainer.model, tokens, asked)
+        finally:
+            language.set_attn_implementation(decoder.ATTENTION)
+    for one, other in zip(ours, theirs, strict=True):
+        assert float((one - other).abs().max()) < 0.01 * float(other.abs().max())  # bfloat16
+
+
 def test_answers_are_what_the_facts_say(trainer: Trainer) -> None:
     facts = states(trainer, 3, 0)
     asked = trainer.sampler.official(facts, 4)
