@@ -17,20 +17,23 @@ from executive.lab.training.scene_sampler import SceneSampler
 from executive.sim.relighting import Lights, Relighting, Shift
 from executive.types import Observation, OutcomeKind
 
-DOMAINS = [name for name in list_domains() if shipped(name)]
-"""Those that a model comes with."""
+DOMAINS = {name: found for name in list_domains() if (found := shipped(load_domain(name).subject.name))}
+"""Those that a model comes with, and its folder."""
 
 
 @pytest.fixture(scope="module", params=DOMAINS)
-def folder(request: pytest.FixtureRequest) -> Path:
-    found = shipped(request.param)
-    assert found is not None
-    return found
+def domain(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def folder(domain: str) -> Path:
+    return DOMAINS[domain]
 
 
 def test_all_of_them_are_of_domains_and_together_small() -> None:
     assert "grocery" in DOMAINS
-    assert {path.name for path in SHIPPED.iterdir() if path.is_dir()} == {f"{name}-eye" for name in DOMAINS}
+    assert {path for path in SHIPPED.iterdir() if path.is_dir()} == {*DOMAINS.values()}
     assert sum(file.stat().st_size for file in SHIPPED.rglob("*") if file.is_file()) <= 60_000_000
 
 
@@ -50,8 +53,8 @@ def test_transformers_alone_loads_it(folder: Path) -> None:
     assert type(processor).__module__.startswith("transformers.")
 
 
-def test_it_is_what_is_meant_where_no_model_is_named(folder: Path) -> None:
-    subject = load_domain(folder.name.removesuffix("-eye")).subject
+def test_it_is_what_is_meant_where_no_model_is_named(domain: str, folder: Path) -> None:
+    subject = load_domain(domain).subject
     assert with_default_model(EstimatorConfig(), subject).vlm == str(folder)
     assert with_default_model(EstimatorConfig(vlm="elsewhere"), subject).vlm == "elsewhere"
 
@@ -72,9 +75,9 @@ class Moments:
         self._sampler.close()
 
 
-@pytest.fixture(scope="module", params=DOMAINS)
-def moments(request: pytest.FixtureRequest) -> Iterator[Moments]:
-    made = Moments(request.param)
+@pytest.fixture(scope="module")
+def moments(domain: str) -> Iterator[Moments]:
+    made = Moments(domain)
     yield made
     made.close()
 
