@@ -5,9 +5,9 @@
     python -m benchmarks.viplan.arm blocksworld-pddl.json.gz FOLDER --results RESULTS
 
 The last one prints the shares of each split. The columns are places on a table, and the domain is
-`blocksworld/columns`. `oracle` sees what is true after each action; with `--vlm MODEL` a model is asked as well, one
-that was trained on pictures of this scene. ViPlan's own closed loop has rendered pictures and no arm: its success is
-quoted beside, and is of another world.
+`blocksworld/columns`. `oracle` sees what is true after each action, `vlm` is the model that comes with the domain, or
+that of `--vlm MODEL`. ViPlan's own closed loop has rendered pictures and no arm: its success is quoted beside, and is
+of another world.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from itertools import product
 from pathlib import Path
 
 from benchmarks.viplan.recorded import Tasks
@@ -27,8 +28,8 @@ SPLITS = ("simple", "medium", "hard")
 
 _CAMPAIGN = '''title = "ViPlan's blocksworld, by the arm"
 about = """
-The {count} problems of ViPlan's blocksworld, each column a place on the table. `oracle` sees what is true after each
-action.
+The {count} problems of ViPlan's blocksworld, each column a place on the table. `vlm` sees pictures, `oracle` what is
+true after each action.
 """
 seeds = 1
 minutes = 30
@@ -39,6 +40,7 @@ problems = ["problems/*.pddl"]
 
 [estimators]
 oracle = {{}}
+vlm = {model}
 '''
 
 
@@ -46,7 +48,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("pddl", type=Path, help="the domain and its problems, compressed JSON")
     parser.add_argument("out", type=Path, help="a folder for the problems and the campaign's file")
-    parser.add_argument("--vlm", type=Path, help="a model that is asked as well")
+    parser.add_argument("--vlm", type=Path, help="another model than the domain's own")
     parser.add_argument("--results", type=Path, help="the folder of the campaign that was played: print its shares")
     arguments = parser.parse_args()
     try:
@@ -66,9 +68,8 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in chosen.items():
         write_atomic(folder / name, text.encode())
-    campaign = _CAMPAIGN.format(count=len(chosen))
-    if arguments.vlm is not None:
-        campaign += f"vlm = {{ vlm = {json.dumps(str(arguments.vlm.resolve()))} }}\n"
+    model = "{}" if arguments.vlm is None else f"{{ vlm = {json.dumps(str(arguments.vlm.resolve()))} }}"
+    campaign = _CAMPAIGN.format(count=len(chosen), model=model)
     write_atomic(arguments.out / "viplan.toml", campaign.encode())
     print(f"{len(chosen)} problems; now: executive bench {arguments.out / 'viplan.toml'}")
     return 0
@@ -77,15 +78,16 @@ def main() -> int:
 def report(folder: Path) -> int:
     """Print how many problems of each split ended with their goal, and how many with a false claim."""
     rows = load_results(folder, lambda line: print(line, file=sys.stderr)).rows
-    print(f"{'split':<8}{'problems':>9}{'solved':>8}  {'95 % interval':<18}{'false claims':>12}{'seconds':>9}")
-    for split in SPLITS:
-        of = [row for row in rows if row.problem.startswith(split)]
+    head = f"{'problems':>9}{'solved':>8}  {'95 % interval':<18}{'false claims':>12}{'seconds':>9}"
+    print(f"{'estimator':<11}{'split':<8}{head}")
+    for estimator, split in product(sorted({row.estimator for row in rows}), SPLITS):
+        of = [row for row in rows if row.problem.startswith(split) and row.estimator == estimator]
         solved = [row for row in of if succeeded(row)]
         false = sum(claimed(row) and not row.goal_true for row in of)
         interval = wilson(len(solved), len(of))
         said = "-" if interval is None else f"{100 * interval.low:.0f} to {100 * interval.high:.0f} %"
         seconds = sum(row.wall_seconds for row in of) / max(len(of), 1)
-        print(f"{split:<8}{len(of):>9}{len(solved):>8}  {said:<18}{false:>12}{seconds:>9.0f}")
+        print(f"{estimator:<11}{split:<8}{len(of):>9}{len(solved):>8}  {said:<18}{false:>12}{seconds:>9.0f}")
     return 0
 
 

@@ -191,7 +191,8 @@ def test_the_problems_become_a_campaign_of_the_arm(tmp_path: Path, capsys: pytes
     with patch("sys.argv", ["arm", str(file), str(out)]):
         assert arm.main() == 0
     campaign = read_campaign(out / "viplan.toml")
-    assert [each.place.domain for each in campaign.episodes()] == ["columns"]
+    played = [(each.place.domain, each.config.estimator) for each in campaign.episodes()]
+    assert sorted(played) == [("columns", "oracle"), ("columns", "vlm")]
     results = tmp_path / "results"
     results.mkdir()
     with patch("sys.argv", ["arm", str(file), str(out), "--results", str(results)]):
