@@ -96,7 +96,7 @@ def attend_scene_first(
     **_: Any,
 ) -> tuple[torch.Tensor, None]:
     """Attention where the first `scene` tokens of each row attend to those before them, and the rest as the mask says:
-    as much as torch's own with the mask for all, in two thirds of the time on a CPU.
+    the same as torch's own with the mask for all, which takes longer on a CPU.
 
     Args:
         query, key, value: (B, H, L, D).
