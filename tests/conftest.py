@@ -55,6 +55,11 @@ def _imports(file: Path) -> set[str]:
     return names
 
 
+def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
+    """Bytes are named by their argument: packed ones hold the time, and every worker must collect the same names."""
+    return argname if isinstance(val, bytes) else None
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """With `-m quick`, do not even import the other files: that alone takes longer than the quick tests."""
     if config.option.markexpr != "quick" or not collection_path.match("test_*.py"):
