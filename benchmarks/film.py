@@ -25,11 +25,12 @@ from executive.lab.common.progress import show_progress
 from executive.lab.config import EvalConfig
 from executive.lab.evaluation import published, store
 from executive.lab.evaluation.metrics import BoolArray
+from executive.lab.evaluation.posterior import open_single_look
 from executive.lab.film.config import FilmConfig
 from executive.lab.film.evaluate import FilmEvaluator, load_document
 from executive.lab.film.filming import Filming
 from executive.lab.film.frames import Frames, read_truth
-from executive.lab.film.memory import FilmMemory, open_memory
+from executive.lab.film.memory import FilmMemory
 from executive.lab.film.record import TRUTH, films_in, read_about
 from executive.lab.film.scoring import memory_table, scored, tabled
 from executive.lab.film.watch import Watched, watch
@@ -85,7 +86,7 @@ def scripted(films: Sequence[Path], share: float) -> dict[str, Any]:
         eye = Scripted(frames, about["fps"], share, number)
         nothing = np.zeros((1, 1, 3), dtype=np.uint8)  # it looks at no picture
         pictures = ((float(moment), nothing) for moment in frames.times)
-        seen = watch(eye, frames, "none", pictures, FilmMemory(open_memory(domain, None)))
+        seen = watch(eye, frames, "none", pictures, FilmMemory(open_single_look(domain, None)))
         rows = [(s.time, s.row, s.probability, s.remembered, s.seconds) for s in seen]
         found.append(Watched.of(folder.name, frames, rows))
     return scored(found)

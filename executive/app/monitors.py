@@ -21,20 +21,20 @@ from executive.belief import (
     Monitor,
     MutexNetwork,
     SensorModel,
-    StateSpace,
     ThresholdMonitor,
     Thresholds,
     WitnessModel,
 )
 from executive.belief.action_model import process_noise
+from executive.belief.bayes_filter import ACCIDENT
 from executive.belief.place_priors import stated_priors
 from executive.domain.loader import Domain
 from executive.domain.places import read_places
 from executive.errors import DomainError, InputError, OptionError
 from executive.planning.invariants import broken, contradicted, survives_accidents
 from executive.planning.literal_pairs import LiteralPairs
-from executive.planning.mutex_groups import Mutexes, find_mutexes
-from executive.planning.state_listing import MOST_ACTIONS, groups_of, list_states, most_actions, steps
+from executive.planning.mutex_groups import find_mutexes
+from executive.planning.state_listing import MOST_ACTIONS, groups_of, is_complete, list_states, most_actions, steps
 from executive.s3e import calibration_file
 from executive.types import Atom, Step
 
@@ -81,10 +81,17 @@ def open_monitor(
     found = find_mutexes(domain.parsed, timeout=seconds, patience=patience, leaves_open=domain.leaves_open)
     # Over listed states nothing says which of their atoms are hidden.
     space = None if domain.task.visible else list_states(domain.parsed, found)
-    network = _network(domain, found, space)
+    moves = tuple(steps(domain.parsed)) if most_actions(domain.parsed) <= MOST_ACTIONS else ()
+    proved = None
+    if space is None and moves and is_complete(domain.parsed, found):
+        proved = LiteralPairs.reachable(domain.task.atoms, moves, found.state)
+    # Where :init may leave things open, what it does not name may be so all the same.
+    network = _network(domain, groups_of(found, space), moves, None if domain.leaves_open else proved)
     actions = ActionModel(counts, process_noise(len(domain.task.atoms))) if config.memory else None
     carried, visibility = domain.looking.carried, domain.task.visibility
     prior = _prior(domain, network.groups, learned, places)
+    if proved is not None:
+        prior = dict.fromkeys(proved.never, ACCIDENT) | dict(prior)
     return BayesMonitor(network, sensor, actions, thresholds, carried, space, witnesses, visibility, prior)
 
 
@@ -108,13 +115,11 @@ def _prior(
         raise DomainError(str(error), file=domain.files[0], key="priors") from None
 
 
-def _network(domain: Domain, found: Mutexes, space: StateSpace | None) -> MutexNetwork:
+def _network(
+    domain: Domain, groups: tuple[Group, ...], moves: Sequence[Step], proved: LiteralPairs | None
+) -> MutexNetwork:
     """Return the task's atoms with what is known of its states."""
-    groups, stated, atoms = groups_of(found, space), domain.parsed.invariants, domain.task.atoms
-    moves = tuple(steps(domain.parsed)) if most_actions(domain.parsed) <= MOST_ACTIONS else ()
-    proved = None
-    if space is None and moves and not domain.leaves_open:  # the proof begins at a complete state
-        proved = LiteralPairs.reachable(atoms, moves, found.state)
+    stated, atoms = domain.parsed.invariants, domain.task.atoms
     if proved is not None and not groups:  # as where effects have conditions, of which the translator proves little
         groups = tuple(
             Group(group.atoms, group.exact and survives_accidents(group.at_least_one, moves))

@@ -158,15 +158,14 @@ class ProblemMaker:
         name = f"{self._stem}-{number:04d}"
         for _ in range(_TRIES):
             objects = self._objects(rng)
-            first = frozenset(said.format(object=each) for each in objects for said in self._recipe.each)
-            schema = self._read(self._text(name, objects, sorted(first), self._recipe.once))
+            schema = self._read(first_problem(self._name, name, objects, self._recipe))
             begin = {atom: atom in schema.task.declared for atom in schema.task.atoms}
             start = self._walk(schema, begin, len(objects), rng)
             goal = self._walk(schema, start, len(objects), rng)
             init = [str_of(atom) for atom, value in start.items() if value]
             wanted = [str_of(a) for a, value in goal.items() if value and a.predicate in self._recipe.goal]
             if not set(wanted) <= set(init):
-                return Problem(name, objects, self._text(name, objects, init, (), wanted))
+                return Problem(name, objects, _text(self._name, name, objects, init, wanted))
         raise DomainError(f"after {_TRIES} tries no goal differs from its start", file=self._file, key="goal")
 
     @contextmanager
@@ -236,26 +235,26 @@ class ProblemMaker:
             file.write_text(text, encoding="utf-8")
             return read_task(self._pddl, file)
 
-    def _text(
-        self,
-        name: str,
-        objects: Mapping[str, str],
-        init: Sequence[str],
-        once: Sequence[str] = (),
-        goal: Sequence[str] | None = None,
-    ) -> str:
-        by_type: dict[str, list[str]] = {}
-        for each, kind in objects.items():
-            by_type.setdefault(kind, []).append(each)
-        listed = "\n            ".join(f"{' '.join(names)} - {kind}" for kind, names in by_type.items())
-        wanted = [*init, *once] if goal is None else goal
-        return (
-            f"(define (problem {name})\n"
-            f"  (:domain {self._name})\n"
-            f"  (:objects {listed})\n"
-            f"  (:init {_indented([*once, *init], 9)})\n"
-            f"  (:goal (and {_indented(wanted, 14)})))\n"
-        )
+
+def first_problem(domain: str, name: str, objects: Mapping[str, str], recipe: Recipe) -> str:
+    """The problem in which all objects (name -> type) are as a recipe says that they are at first, which is the goal,
+    too."""
+    first = [*recipe.once, *sorted({said.format(object=each) for each in objects for said in recipe.each})]
+    return _text(domain, name, objects, first, first)
+
+
+def _text(domain: str, name: str, objects: Mapping[str, str], init: Sequence[str], goal: Sequence[str]) -> str:
+    by_type: dict[str, list[str]] = {}
+    for each, kind in objects.items():
+        by_type.setdefault(kind, []).append(each)
+    listed = "\n            ".join(f"{' '.join(names)} - {kind}" for kind, names in by_type.items())
+    return (
+        f"(define (problem {name})\n"
+        f"  (:domain {domain})\n"
+        f"  (:objects {listed})\n"
+        f"  (:init {_indented(init, 9)})\n"
+        f"  (:goal (and {_indented(goal, 14)})))\n"
+    )
 
 
 def write(problems: Sequence[Problem], out: Path) -> list[Path]:

@@ -78,6 +78,12 @@ class LiteralPairs:
         size = len(self.atoms)
         return not self.possible[place[one] + size * (not value), place[other] + size * (not other_value)]
 
+    @property
+    def never(self) -> frozenset[Atom]:
+        """The atoms that are true in no reachable state."""
+        ever = self.possible.diagonal()[: len(self.atoms)]
+        return frozenset(atom for atom, may_be in zip(self.atoms, ever, strict=True) if not may_be)
+
     def groups(self) -> tuple[Group, ...]:
         """Return sets of atoms of which at most one is ever true, each about one object; exact where one always is."""
         size = len(self.atoms)

@@ -20,10 +20,15 @@ def list_states(schema: Schema, found: Mutexes) -> StateSpace | None:
     """The states that the task's actions lead to from its :init; None where they are too many, where :init leaves open
     what is true, and where the mutex groups say as much: then inference under these is as exact, and they hold after an
     accident, too."""
-    if schema.unknown or found.state != frozenset(schema.task.declared) or most_actions(schema) > MOST_ACTIONS:
+    if not is_complete(schema, found) or most_actions(schema) > MOST_ACTIONS:
         return None
     space = StateSpace.reachable(schema.task.atoms, tuple(steps(schema)), found.state, schema.task.derived)
     return space if space is not None and space.rules_out_more(found.groups) else None
+
+
+def is_complete(schema: Schema, found: Mutexes) -> bool:
+    """Whether the task's :init says of all that it names where it is."""
+    return not schema.unknown and found.state == frozenset(schema.task.declared)
 
 
 def groups_of(found: Mutexes, space: StateSpace | None) -> tuple[Group, ...]:

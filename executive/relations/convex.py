@@ -12,7 +12,7 @@ import numpy as np
 from executive.types import FloatArray
 
 _STEPS = 50
-_EXACT = 1e-6
+_EXACT = 1e-8
 """m by which a distance may be off."""
 
 

@@ -13,8 +13,9 @@ from executive.relations import convex
 from executive.relations.convex import Part
 from executive.types import FloatArray
 
-CONTACT = 2e-6
-"""m within which two solids touch, where poses are exact: what rests on something is pressed into it a little."""
+CONTACT = 1e-7
+"""m within which two solids touch, where poses are exact: what rests on something is pressed into it a little, and what
+bounces is above it by micrometres at times. Of the order of what a distance may be off by."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

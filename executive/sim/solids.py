@@ -20,8 +20,8 @@ FINGERS = (
 """The bodies of each finger."""
 
 _ROUND = 512
-"""Corners that stand for a circle: they leave out 0.002 % of its radius, less than `CONTACT` for what a hand can hold,
-so that a cylinder on its side rests on something wherever it was rolled to."""
+"""Corners that stand for a circle: they leave out 0.002 % of its radius, a micrometre for what a hand can hold. What
+rests is pressed in by more (8 to 200), so that a cylinder on its side rests on something wherever it was rolled to."""
 
 
 class Solids:

@@ -50,7 +50,8 @@ class Evaluation:
     it, as JSON; `looks` are (episode, step) of the points; `surprising` (looks,) whether the last action came to
     something else than its effects; `seconds` (looks,) the wall time of each estimate, without reading or drawing.
     Where objects change from episode to episode, `groups` are looks (looks,) that are scored apart, and `held_out` (as
-    the answers) says which of these are about objects with combinations that training did not see.
+    the answers) says which of these are about objects with combinations that training did not see. `posterior` (as the
+    answers) is what a run would believe after each look alone; None where no run could be made of the domain.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Evaluation:
     seconds: FloatArray
     groups: Mapping[str, np.ndarray[Any, np.dtype[np.bool_]]] = field(default_factory=dict)
     held_out: np.ndarray[Any, np.dtype[np.bool_]] | None = None
+    posterior: FloatArray | None = None
 
     @property
     def seconds_per_look(self) -> float:
@@ -135,6 +137,8 @@ class Evaluator:
                 assert isinstance(opened, Opened)
                 for line in opened.questions.warnings:
                     self._warn(line)
+                if opened.unbelieved:
+                    self._warn(f"what a run would believe is not scored: {opened.unbelieved}")
                 return opened
         return None
 
@@ -198,31 +202,39 @@ class Evaluator:
             look = Look(number, point.episode, point.step - 1)
             text = self._shown.questions(point, questions).text
             self.mistakes.add(point, belief, lambda look=look: self._shown.pictures(self._shown.point(look)), text)  # type: ignore[misc]
-        answers, groups, held_out = self._scored(points, told)
+        answers = self._answers(points, {number: each.probability for number, each in told.items()})
+        posterior = None
+        if all(each.posterior for each in told.values()):
+            posterior = self._answers(points, {n: each.posterior for n, each in told.items()}).probability
+        groups = self._varying.groups(points) if self._varying is not None else {}
         looks = tuple((point.episode, point.step) for point in points)
         surprising = np.array([bool(point.surprises) for point in points])
         seconds = np.array([told[number].seconds for number in sorted(told)])
         name, about = self._described(opened)
-        return Evaluation(name, about, answers, looks, surprising, seconds, groups, held_out)
+        held_out = self._held_out(points, answers)
+        return Evaluation(name, about, answers, looks, surprising, seconds, groups, held_out, posterior)
 
-    def _scored(
-        self, points: Sequence[Point], told: Mapping[int, Said]
-    ) -> tuple[Answers, dict[str, Any], np.ndarray[Any, np.dtype[np.bool_]] | None]:
-        """The answers, the looks that are scored apart, and the answers about what training did not see."""
+    def _answers(self, points: Sequence[Point], said: Mapping[int, Sequence[float | None]]) -> Answers:
+        """What was said of each point's atoms (number of the look -> P(true) of each), with the truth."""
         if self._varying is not None:
-            said = {number: each.probability for number, each in told.items()}
             atoms, which, probability, truth = columns(points, said)
-            held_out = np.zeros(which.shape, np.bool_)
-            for row, point in enumerate(points):
-                held_out[row, : len(point.facts)] = self._varying.held_out(point)
-            return Answers(atoms, probability, truth, which), self._varying.groups(points), held_out
-        probability = np.array([[math.nan if p is None else p for p in told[n].probability] for n in sorted(told)])
+            return Answers(atoms, probability, truth, which)
+        probability = np.array([[math.nan if p is None else p for p in said[number]] for number in sorted(said)])
         truth = np.array([[point.facts[atom] for atom in self.atoms] for point in points])
         if not self._visibility:
-            return Answers(self.atoms, probability, truth), {}, None
+            return Answers(self.atoms, probability, truth)
         hidden = np.array([[atom in self._hidden(point) for atom in self.atoms] for point in points])
         asked = np.where(hidden, -1, np.arange(len(self.atoms)))
-        return Answers(self.atoms, np.where(hidden, math.nan, probability), truth, asked), {}, None
+        return Answers(self.atoms, np.where(hidden, math.nan, probability), truth, asked)
+
+    def _held_out(self, points: Sequence[Point], answers: Answers) -> np.ndarray[Any, np.dtype[np.bool_]] | None:
+        """Which answers are about what training did not see."""
+        if self._varying is None:
+            return None
+        held_out = np.zeros(answers.truth.shape, np.bool_)
+        for row, point in enumerate(points):
+            held_out[row, : len(point.facts)] = self._varying.held_out(point)
+        return held_out
 
     def _hidden(self, point: Point) -> frozenset[Atom]:
         """The atoms of which no picture of this moment can show whether they are true."""

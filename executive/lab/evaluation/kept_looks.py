@@ -29,8 +29,8 @@ class Kept:
         with suppress(ValueError, LookupError, TypeError):
             if there and parse_json(there[0]) == same:
                 for line in there[1:]:
-                    number, probability, seconds, why = parse_json(line)
-                    self.known[number] = Said(tuple(probability), float(seconds), str(why))
+                    number, probability, seconds, why, posterior = parse_json(line)
+                    self.known[number] = Said(tuple(probability), float(seconds), str(why), tuple(posterior))
         self._file, self._same = file, same
         self._journal: Journal | None = None
         if not self.known:

@@ -86,9 +86,16 @@ def _tiles(document: Mapping[str, Any]) -> list[tuple[str, str]]:
         (number(document["ap_macro"]), "average precision, macro"),
         (number(document["accuracy_0.5"]), "accuracy at θ = 0.5"),
         (share(document["exact_state"]), "looks with the whole state right"),
+        *_believed(document),
         (number(document["ece"]), "expected calibration error"),
         (f"{document['seconds_per_look']:.2f} s", "a look, median"),
     ]
+
+
+def _believed(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    if "posterior" not in document:  # an older evaluation, or of what no run could carry out
+        return []
+    return [(share(document["posterior"]["exact_state"]), "the same, as a run would believe after the look")]
 
 
 _SCORED = (
@@ -138,11 +145,13 @@ def _apart(document: Mapping[str, Any]) -> list[list[str]]:
         for name, scores in document.get("groups", {}).items()
         if scores["looks"]
     ]
-    return rows + [
+    rows += [
         [f"combinations {name}", "", share(scores["exact_state"]), *_scored(scores)]
         for name, scores in document.get("combinations", {}).items()
         if scores["asked"]
     ]
+    believed = document.get("posterior")
+    return rows + ([[f"{row[0]}, as believed", *row[1:]] for row in _apart(believed)] if believed else [])
 
 
 def _by_atom(document: Mapping[str, Any]) -> list[list[str]]:

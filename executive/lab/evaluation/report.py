@@ -63,8 +63,14 @@ def write(
 
 
 def rows(named: Mapping[str, Evaluation], published: Published | None) -> list[Table]:
-    """The published tables with these evaluations in them."""
-    return tables(published, {name: document(each) for name, each in named.items()})
+    """The published tables with these evaluations in them, each with what a run would believe in a row of its own."""
+    ours: dict[str, Mapping[str, Any]] = {}
+    for name, each in named.items():
+        ours[name] = made = document(each)
+        if "posterior" in made:
+            first, *modified = name.split(" + ")
+            ours[" + ".join([f"{first}, as believed", *modified])] = made["posterior"]
+    return tables(published, ours)
 
 
 def distinct(evaluations: Sequence[Evaluation]) -> dict[str, Evaluation]:
@@ -91,20 +97,25 @@ def summary(document: Mapping[str, Any], folder: Path) -> str:
         f"  P(true)   ECE {number(document['ece'])}, Brier {number(document['brier'], 4)}; "
         f"{document['unanswered']} of {asked} unanswered",
     ]
+    if "posterior" in document:
+        lines.append(_apart("as a run would believe after the look", document["posterior"]))
     for name, scores in document["predicates"].items():
         wrong = f"{scores['missed']} missed, {scores['false_alarms']} false alarms"
         lines.append(f"  {name}: AP {number(scores['ap_micro'])} micro, {number(scores['ap_macro'])} macro; {wrong}")
+    believed = document.get("posterior", {})
     for name, scores in document.get("groups", {}).items():
-        lines.append(_apart(f"{name}: {scores['looks']} looks", scores))
+        lines.append(_apart(f"{name}: {scores['looks']} looks", scores, believed.get("groups", {}).get(name)))
     for name, scores in document.get("combinations", {}).items():
-        lines.append(_apart(f"combinations {name}", scores))
+        lines.append(_apart(f"combinations {name}", scores, believed.get("combinations", {}).get(name)))
     return "\n".join([*lines, f"report: {folder / REPORT}"])
 
 
-def _apart(name: str, scores: Mapping[str, Any]) -> str:
+def _apart(name: str, scores: Mapping[str, Any], believed: Mapping[str, Any] | None = None) -> str:
     number = html.number
     whole = scores["exact_state"]
     told = "" if whole is None else f", the whole state in {100 * whole:.1f} %"
+    if believed is not None and believed["exact_state"] is not None:
+        told += f"; as believed {number(believed['ap_micro'])}, {100 * believed['exact_state']:.1f} %"
     return f"  {name}: AP {number(scores['ap_micro'])} micro, {number(scores['ap_macro'])} macro{told}"
 
 

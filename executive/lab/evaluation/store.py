@@ -53,6 +53,17 @@ def document(evaluation: Evaluation) -> dict[str, Any]:
         "predicates": {name: scores(answers.of(name)).document() for name in answers.predicates},
         "atoms": {str(atom): scores(answers.of(atom)).document() for atom in each},
     }
+    made |= _apart(evaluation, answers)
+    if evaluation.posterior is not None:
+        believed = replace(answers, probability=evaluation.posterior)
+        made["posterior"] = {**scores(believed).document(), **_apart(evaluation, believed)}
+    return made
+
+
+def _apart(evaluation: Evaluation, answers: Answers) -> dict[str, Any]:
+    """The scores of looks at so many objects and of subsets, and those of combinations that training saw and did not,
+    where objects change."""
+    made: dict[str, Any] = {}
     if evaluation.groups:
         chosen = {name: answers.where(looks) for name, looks in evaluation.groups.items()}
         made["groups"] = {name: {"looks": part.looks, **scores(part).document()} for name, part in chosen.items()}
@@ -82,6 +93,8 @@ def save(folder: Path, evaluation: Evaluation) -> dict[str, Any]:
         arrays["which"] = answers.which
     if evaluation.held_out is not None:
         arrays["held_out"] = evaluation.held_out
+    if evaluation.posterior is not None:
+        arrays["posterior"] = evaluation.posterior
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
     write_atomically(folder / ANSWERS, buffer.getvalue())
@@ -107,14 +120,17 @@ def load(folder: Path) -> Evaluation:
         answers = Answers(atoms, _array(kept, "probability", "f", 2), _array(kept, "truth", "b", 2), which)
         groups = {key.removeprefix(GROUP): _array(kept, key, "b", 1) for key in kept if key.startswith(GROUP)}
         held_out = _array(kept, "held_out", "b", 2) if "held_out" in kept else None
+        posterior = _array(kept, "posterior", "f", 2) if "posterior" in kept else None
         looks = tuple((int(episode), int(step)) for episode, step in _array(kept, "looks", "i", 2))
         surprising, seconds = _array(kept, "surprising", "b", 1), _array(kept, "seconds", "f", 1)
         counts = {len(looks), len(surprising), len(seconds), *map(len, groups.values())}
         if counts != {answers.looks} or (held_out is not None and held_out.shape != answers.truth.shape):
             raise ValueError("its arrays are not of the same looks")
+        if posterior is not None:
+            replace(answers, probability=posterior)  # says what is wrong with it
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(f"is damaged ({error})", file=folder / ANSWERS) from None
-    return Evaluation(told["name"], told["about"], answers, looks, surprising, seconds, groups, held_out)
+    return Evaluation(told["name"], told["about"], answers, looks, surprising, seconds, groups, held_out, posterior)
 
 
 def _array(kept: Mapping[str, npt.NDArray[Any]], name: str, kind: str, dimensions: int) -> Any:

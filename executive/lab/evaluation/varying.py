@@ -11,7 +11,7 @@ import numpy as np
 
 from executive.domain.loader import Domain, Subject, load_domain
 from executive.lab.collection.dataset import Point
-from executive.lab.problems import FILE, Recipe, read_recipe
+from executive.lab.problems import FILE, Recipe, first_problem, read_recipe
 from executive.sim.spec import read_scene
 from executive.types import ALWAYS, Atom
 
@@ -48,9 +48,16 @@ class Varying:
         """A point's objects: name -> attribute -> value."""
         return {name: dict(zip(self.attributes, words, strict=True)) for name, words in point.objects.items()}
 
+    def problem(self, domain: str, point: Point) -> str:
+        """A problem with a point's objects, as PDDL."""
+        return first_problem(domain, "looks", self._typed(point), self.recipe)
+
+    def _typed(self, point: Point) -> dict[str, str]:
+        return {name: values[self.recipe.type] for name, values in self.described(point).items()}
+
     def subject(self, subject: Subject, point: Point) -> Subject:
         """What is asked about a point: its own atoms, about its own objects and those that all problems have."""
-        own = {name: values[self.recipe.type] for name, values in self.described(point).items()}
+        own = self._typed(point)
         named = {name for atom in point.facts for name in atom.args}
         shared = {name: kind for name, kind in subject.task.objects.items() if name in named and name not in own}
         task = replace(

@@ -15,10 +15,11 @@ import numpy as np
 from executive.app.estimate import Session
 from executive.domain.loader import load_domain, load_subject
 from executive.errors import DomainError, OptionError
+from executive.lab.evaluation.posterior import open_single_look
 from executive.lab.film import scoring
 from executive.lab.film.drawn import DrawnFilm
 from executive.lab.film.frames import read_truth
-from executive.lab.film.memory import FilmMemory, open_memory
+from executive.lab.film.memory import FilmMemory
 from executive.lab.film.watch import Seen, Watched, watch
 from executive.types import Atom, Image
 from executive.util.files import reason
@@ -87,7 +88,7 @@ def _memory(session: Session, domain: str, problem: str | None, atoms: list[Atom
         loaded = load_domain(domain, problem)
     except DomainError:
         return None
-    return FilmMemory(open_memory(loaded, session.config)) if set(atoms) == set(loaded.task.atoms) else None
+    return FilmMemory(open_single_look(loaded, session.config)) if set(atoms) == set(loaded.task.atoms) else None
 
 
 def _answer(seen: Seen, atoms: tuple[Atom, ...]) -> dict[str, Any]:

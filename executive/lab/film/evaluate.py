@@ -26,10 +26,11 @@ from executive.lab.common.progress import Progress
 from executive.lab.config import EvalConfig
 from executive.lab.evaluation import published, store
 from executive.lab.evaluation.evaluate import row_name
+from executive.lab.evaluation.posterior import open_single_look
 from executive.lab.film import scoring
 from executive.lab.film.drawn import DrawnFilm
 from executive.lab.film.frames import read_truth
-from executive.lab.film.memory import FilmMemory, open_memory
+from executive.lab.film.memory import FilmMemory
 from executive.lab.film.record import TRUTH, VIDEO, films_in, read_about
 from executive.lab.film.watch import Watched, watch
 from executive.s3e import S3E, Backend
@@ -173,7 +174,7 @@ class Watcher:
         domain = load_domain(config.domain, clip.problem)
         eye = self._estimator(clip)
         frames = read_truth(clip.folder / TRUTH, domain.task.atoms)
-        memory = FilmMemory(open_memory(domain, with_default_model(config.eye, domain.subject)))
+        memory = FilmMemory(open_single_look(domain, with_default_model(config.eye, domain.subject)))
         pictures = read_frames(clip.folder / VIDEO, 1.0 / about["fps"])
         plot, recording = self._folder / f"{clip.name}.png", self._folder / f"{clip.name}.rrd"
         found = []

@@ -12,11 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from executive.app.config import EstimatorConfig, MonitorConfig
-from executive.app.monitors import open_monitor
-from executive.belief import ActionModel, BayesMonitor, SensorModel
-from executive.domain.loader import Domain
-from executive.errors import InputError
+from executive.belief import ActionModel, BayesMonitor
 from executive.types import Atom, Belief
 
 STATE_SECONDS = 5.0
@@ -51,21 +47,3 @@ class FilmMemory:
             noise = max(_LEAST_NOISE, 1.0 - math.exp(-key / self._state_seconds))
             self._monitors[key] = replace(self._monitor, actions=ActionModel(process_noise=min(noise, 0.99)))
         return self._monitors[key]
-
-
-def open_memory(domain: Domain, estimator: EstimatorConfig | None) -> BayesMonitor:
-    """Return what a film's memory filters with: the task's mutex groups, its states where they can be listed, and how
-    the estimator errs, as far as that is known: what a model's own folder says of other domains alone is not.
-
-    Raises:
-        InputError: the estimator's calibration is damaged.
-        MissingError: Fast Downward's translator is not installed.
-    """
-    try:
-        monitor = open_monitor(MonitorConfig(), domain, estimator)
-    except InputError:
-        if estimator is None or estimator.calibration is not None:  # that was asked for
-            raise
-        monitor = open_monitor(MonitorConfig(), domain, None, oracle=SensorModel())
-    assert isinstance(monitor, BayesMonitor)  # what the default options are for
-    return monitor

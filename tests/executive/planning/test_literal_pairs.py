@@ -44,6 +44,7 @@ def test_every_state_that_actions_lead_to_keeps_what_is_proved(
         assert not any(group.violated(true) for group in groups)
         assert all(each.truth({atom: atom in true for atom in ATOMS}) for each in implications)
         assert not always or not true.isdisjoint(some)
+        assert found.never.isdisjoint(true)
         for (one, other), values in itertools.product(
             itertools.combinations(ATOMS, 2), itertools.product([False, True], repeat=2)
         ):

@@ -39,6 +39,12 @@ def test_a_gap_within_the_tolerance_is_contact() -> None:
     assert not on(scene(cube=cube(0.5, 0.054), tolerance=0.003), "cube", "right")
 
 
+@pytest.mark.parametrize(("micrometres", "touches"), [(-30.0, True), (0.0, True), (1.0, False), (30.0, False)])
+def test_what_bounces_is_on_nothing_though_it_is_close(micrometres: float, touches: bool) -> None:
+    exact = Scene({"cube": cube(0.5, 0.05 + 1e-6 * micrometres)}, TABLES, AWAY, False)
+    assert on(exact, "cube", "right") is touches
+
+
 def test_something_unknown_in_between_carries() -> None:
     held_up = Scene({"cube": cube(0.5, 0.25)}, TABLES, AWAY, False, (cube(0.5, 0.1, 0.2),), 0.001)
     assert on(held_up, "cube", "right")

@@ -111,6 +111,37 @@ def test_one_who_knows_scores_as_one_who_knows(data: Path, model: Any) -> None:
     assert all(not answer.wrong for mistake in evaluator.mistakes.sheet() for answer in mistake.answers)
 
 
+def test_what_a_run_would_believe_is_scored_beside_the_answers(data: Path, model: Any, tmp_path: Path) -> None:
+    def unsure(number: int, atom: Atom, truth: bool) -> float | None:
+        return 0.6 if (number, atom) == (0, RED_IN_TRAY) else None  # it is in the hand, which is surely so
+
+    made, _ = evaluated(config(model(unsure), data))
+    document = store.save(tmp_path, made)
+    believed = document["posterior"]
+    assert document["exact_state"] == pytest.approx(5 / 6)
+    assert (believed["exact_state"], believed["asked"]) == (1.0, document["asked"])
+    assert believed["ap_micro"] == pytest.approx(1.0)
+    assert store.document(store.load(tmp_path)) == document
+    rows = [row for table in reporting.rows({made.name: made}, None) for row in table.rows]
+    assert [row.name for row in rows] == ["tiny + Instruct + Pose", "tiny, as believed + Instruct + Pose"]
+
+
+def test_what_no_run_could_carry_out_is_evaluated_all_the_same(data: Path, model: Any, tmp_path: Path) -> None:
+    alone = tmp_path / "tray"
+    alone.mkdir()
+    for name in ("domain.pddl", "problem.pddl", "questions.toml"):
+        shutil.copy(looks.TRAY / name, alone / name)
+    warned: list[str] = []
+    settings = replace(config(model(), data), domain=str(alone))
+    with Evaluator(settings, warned.append) as evaluator:
+        made = evaluator.run(here(evaluator))
+    assert made is not None
+    assert made.posterior is None
+    assert "posterior" not in store.document(made)
+    assert store.document(made)["exact_state"] == 1.0
+    assert len([line for line in warned if line.startswith("what a run would believe")]) == 1
+
+
 def test_a_mistake_is_counted_and_shown(data: Path, model: Any) -> None:
     def wrong(number: int, atom: Atom, truth: bool) -> float | None:
         return 0.9 if (number, atom) == (4, RED_IN_TRAY) else None

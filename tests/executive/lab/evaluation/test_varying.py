@@ -51,9 +51,24 @@ def test_every_look_is_asked_about_its_own_objects(model: Path, tmp_path: Path) 
     brown = sum("brown" in name for atom in described.facts_of(described.EPISODES[1]) for name in set(atom.args))
     assert document["combinations"]["held out"]["asked"] == 2 * brown
     assert document["combinations"]["seen"]["asked"] == document["asked"] - 2 * brown
+    assert document["posterior"]["asked"] == document["asked"]
+    assert evaluation.posterior is not None
+    hands = np.array([[n >= 0 and evaluation.answers.atoms[n].predicate == "hand-empty" for n in row]
+                      for row in evaluation.answers.numbers])  # fmt: skip
+    held = np.array([[n >= 0 and evaluation.answers.atoms[n].predicate == "holding" for n in row]
+                     for row in evaluation.answers.numbers])  # fmt: skip
+    # A hand holds one thing or nothing, whatever a model says that was never trained.
+    together = np.where(hands | held, evaluation.posterior, 0.0).sum(axis=1)
+    assert together == pytest.approx(np.ones(len(together)), abs=0.06)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert all(
-        row in page for row in ("72B + Instruct (≤ 3)", "tiny-eye + Instruct + Pose (≤ 3)", "large brown rubber")
+        row in page
+        for row in (
+            "72B + Instruct (≤ 3)",
+            "tiny-eye + Instruct + Pose (≤ 3)",
+            "tiny-eye, as believed + ",
+            "large brown",
+        )
     )
     # What is kept is read again, and serves beside another one.
     kept = store.load(out)

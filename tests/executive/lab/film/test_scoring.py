@@ -10,9 +10,10 @@ import pytest
 from executive.domain.loader import load_domain
 from executive.errors import InputError
 from executive.lab.evaluation.metrics import BoolArray
+from executive.lab.evaluation.posterior import open_single_look
 from executive.lab.evaluation.published import read
 from executive.lab.film.frames import Frames
-from executive.lab.film.memory import FilmMemory, open_memory
+from executive.lab.film.memory import FilmMemory
 from executive.lab.film.scoring import memory_table, scored, tabled
 from executive.lab.film.watch import Watched, watch
 from executive.types import Atom, Belief, Image, Observation
@@ -65,7 +66,7 @@ def pictures() -> list[tuple[float, Image]]:
 
 
 def watched(wrong: BoolArray, memory: bool = True, sure: float = 0.9) -> Watched:
-    kept = FilmMemory(open_memory(DOMAIN, None)) if memory else None
+    kept = FilmMemory(open_single_look(DOMAIN, None)) if memory else None
     seen = watch(Scripted(FRAMES, wrong, sure), FRAMES, "front", pictures(), kept)
     return Watched.of("film", FRAMES, [(s.time, s.row, s.probability, s.remembered, s.seconds) for s in seen])
 
