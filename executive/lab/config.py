@@ -94,6 +94,7 @@ class CollectConfig:
     combinations: Annotated[
         str, Option("Which of these: all, seen (none that is held out of training), or held-out.", choices=COMBINATIONS)
     ] = "all"
+    subset: Annotated[str | None, Option("Only objects of one of the subsets in problems.toml.")] = None
     jobs: Annotated[int | None, Option("How many at a time; as many as there are cores if not given.", least=1)] = None
     per_episode: int = MOST_POINTS
 
@@ -105,8 +106,9 @@ class CollectConfig:
             read_range(self.objects)
             if self.problem is not None:
                 raise OptionError("has problems made, and excludes `problem`", option="objects")
-        elif self.combinations != "all":
-            raise OptionError("is about objects that are made up: it needs `objects`", option="combinations")
+        elif self.combinations != "all" or self.subset is not None:
+            option = "combinations" if self.subset is None else "subset"
+            raise OptionError("is about objects that are made up: it needs `objects`", option=option)
 
     @property
     def command(self) -> str:

@@ -38,7 +38,7 @@ DECIDING = ("executive", "daqp", "mink", "mujoco", "numpy", "ompl", "pillow", "r
 """Packages that the data may differ with, so that a collection is not continued with another version of one."""
 
 
-_ON_REQUEST = ("renderer", "masks", "objects", "demonstrations")
+_ON_REQUEST = ("renderer", "masks", "objects", "subset", "demonstrations")
 
 
 class Task(NamedTuple):
@@ -316,7 +316,7 @@ def problem_maker(config: CollectConfig) -> ProblemMaker | None:
     """What makes the problems of a collection with other objects in each episode, whose numbers count from 1."""
     if config.objects is None:
         return None
-    return ProblemMaker(config.domain, *read_range(config.objects), config.seed, combinations=config.combinations)
+    return ProblemMaker(config.domain, *read_range(config.objects), config.seed, config.subset, config.combinations)
 
 
 def _objects(domain: Domain) -> dict[str, tuple[str, ...]]:

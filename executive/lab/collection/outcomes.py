@@ -91,8 +91,8 @@ def _schemas(domain: str, collection: Mapping[str, Any]) -> Callable[[int], Sche
     objects = collection.get("objects")
     if not objects:
         return None
-    combinations = collection.get("combinations", Combinations.ALL)
-    maker = ProblemMaker(domain, *read_range(objects), collection["seed"], combinations=combinations)
+    kind = collection.get("subset"), collection.get("combinations", Combinations.ALL)
+    maker = ProblemMaker(domain, *read_range(objects), collection["seed"], *kind)
 
     def schema(episode: int) -> Schema:
         with maker.domain(episode + 1) as own:

@@ -49,6 +49,22 @@ def test_how_many_objects_is_a_number_or_a_range(objects: str) -> None:
         CollectConfig("blocksworld", Path("out"), objects=objects)
 
 
+def test_a_subset_has_blocks_of_it_alone(tmp_path: Path, one_thread: None) -> None:
+    out = tmp_path / "data"
+    assert cli.exit_code([*COMMAND, "--subset", "metal-only", "--out", str(out)]) == cli.REACHED
+    (row, _) = dataset.columns(out, 0, "objects", "action")
+    assert {each["attributes"][2] for each in row["objects"]} == {"metal"}
+    manifest = json.loads((out / "dataset.json").read_text(encoding="utf-8"))
+    assert manifest["collection"]["subset"] == "metal-only"
+
+
+@pytest.mark.parametrize("options", [{"subset": "metal-only"}, {"combinations": "seen"}])
+def test_which_objects_there_are_is_said_of_made_problems_alone(options: dict[str, str]) -> None:
+    with pytest.raises(OptionError, match="needs `objects`") as caught:
+        CollectConfig("blocksworld", Path("out"), **options)  # type: ignore[arg-type]
+    assert caught.value.key in options or any(name in str(caught.value) for name in options)
+
+
 def test_made_problems_exclude_a_named_one() -> None:
     with pytest.raises(OptionError, match="excludes `problem`"):
         CollectConfig("blocksworld", Path("out"), objects="3", problem="tower-5")
