@@ -115,8 +115,21 @@ def tests() -> Iterator[Figure]:
 
 
 def training() -> Iterator[Figure]:
-    yield Figure("growing an eye for a new domain", "a night", 60.0, None, "minutes",
-                 note="not among what is measured here: it takes an hour of the machine for itself")  # fmt: skip
+    """A model for the domain that `executive new` makes, from the one that comes with the groceries, and how good it is
+    on pictures that it has not seen."""
+    with tempfile.TemporaryDirectory() as name:
+        python, here = [sys.executable, "-m", "executive"], Path(name)
+        subprocess.run([*python, "new", "shop"], cwd=here, capture_output=True, check=True)
+        domain, model, data = str(here / "shop"), str(here / "shop-eye"), str(here / "data")
+        spent = run_watched([*python, "train", domain, "--from", "grocery", "--out", model])
+        subprocess.run([*python, "collect", domain, "--points", "200", "--seed", "9001", "--out", data], check=True,
+                       capture_output=True)  # fmt: skip
+        subprocess.run([*python, "eval", domain, data, "--vlm", f"{model}/model", "--out", str(here / "found")],
+                       check=True, capture_output=True)  # fmt: skip
+        found = json.loads((here / "found" / "evaluation.json").read_text(encoding="utf-8"))
+    yield Figure("growing an eye for a new domain", "a night", 60.0, spent.wall / 60.0, "minutes", cpu=spent.cpu,
+                 note=f"the whole state in {found['exact_state']:.1%} of 200 unseen looks, as believed in "
+                      f"{found['posterior']['exact_state']:.1%}")  # fmt: skip
 
 
 def _last(text: str) -> str:
