@@ -54,6 +54,9 @@ class View:
     position: FloatArray
     nearest: npt.NDArray[np.float32]
     """The nearest measurement in each pixel and around it, (H, W), infinite where there is none."""
+    explained: npt.NDArray[np.bool_] | None = None
+    """The pixels, (H * W,), that measured what is known to be there, where that matters: what is behind it is not
+    expected to be seen."""
 
     @classmethod
     def of(cls, camera: Camera, depth: DepthImage) -> View:

@@ -22,8 +22,8 @@ the item were turned by so little. Of a box, a whole face may be seen so."""
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
     """For each of S poses, as shares of the surface, (S,): what a camera measured where it should be, what one looked
-    through, and what is hidden behind something nearer in every camera that it faces; and which views confirm it,
-    (S, V)."""
+    through, and what is hidden behind something nearer, that nothing explains, in every camera that it faces; and which
+    views confirm it, (S, V)."""
 
     confirmed: FloatArray
     refuted: FloatArray
@@ -51,5 +51,6 @@ def evidence(model: ItemModel, rotations: FloatArray, translations: FloatArray, 
         here = told & facing & (np.abs(measured - away) <= slack)
         by_view[:, number] = here.mean(axis=1)
         confirmed |= here
-        hidden |= told & facing & (measured < away - slack)
+        nearer = told & facing & (measured < away - slack)
+        hidden |= nearer if view.explained is None else nearer & ~view.explained[pixel]
     return Evidence(confirmed.mean(axis=1), refuted.mean(axis=1), (hidden & ~confirmed).mean(axis=1), by_view)

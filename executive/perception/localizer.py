@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from executive.perception import clouds, matching, registration
@@ -51,6 +52,10 @@ _NEAR_ITEM = 0.025
 _AS_WELL, _AS_WELL_BY = 1.2, 0.0002
 """The points may be that many times, and that many m, farther from the surface of an item that is where it was than
 they were: their noise differs."""
+
+_HALF_HIDDEN, _SHARP = 0.15, 0.005
+"""Of what is mostly hidden, the share of the surface that is seen at least, and the standard deviation in m up to which
+that tells where it is: it may be that it could as well be farther behind what hides it."""
 
 _GONE = 0.2
 """The share of an item's surface that a camera looks through where it was, from which on it is not there any more."""
@@ -131,6 +136,8 @@ class Localizer:
         self._estimate: PosesEstimated | None = None
         self._measured = clouds.cloud([], [], [])
         self._views: list[View] = []
+        self._pixels: dict[str, npt.NDArray[np.int64]] = {}
+        """By view, those that measured something in front of room and robot."""
         self._time = float("nan")
         self._bars, self._openings = tuple(bars), dict[str, float]()
         self._held: tuple[str, FloatArray] | None = None
@@ -172,6 +179,7 @@ class Localizer:
             cloud = self._follow(*held, hand, cloud, views, found, sensed.time)
         cloud = self._keep(before, cloud, views, found, sensed.time)
         cloud = self._find(cloud, views, found, sensed.time)
+        cloud = self._find_half_hidden(cloud, views, found, sensed.time)
         found, before = self._tell_apart(found, before, sensed.time)
         if held is None and HOLDING[0] < sensed.width < HOLDING[1] and (name := self._take_hold(hand, found)):
             found[name] = replace(found[name], source="held")
@@ -205,6 +213,7 @@ class Localizer:
             views.append(view)
             pixels.append(clouds.foreground(view, expected[name]))
             images.append(sensed.images[name])
+        self._pixels = {view.name: chosen for view, chosen in zip(views, pixels, strict=True)}
         return views, clouds.cloud(views, pixels, images), left_out
 
     def _keep(
@@ -242,6 +251,36 @@ class Localizer:
             if merged and not matches:
                 break
         return cloud
+
+    def _find_half_hidden(self, cloud: Cloud, views: list[View], found: dict[str, EstimatedPose], time: float) -> Cloud:
+        """Adds the items to `found` that what is left of the points is of though most of them is not seen, because it
+        is behind what was found or behind the robot; returns the points that are of none."""
+        models = [model for name, model in self._models.items() if name not in found]
+        groups = [cloud.of(group) for group in clouds.clusters(cloud.points, *self.known.bounds)] if models else []
+        if not groups:
+            return cloud
+        behind = [replace(view, explained=self._explained(view, found)) for view in views]
+        for match, group in matching.match(models, groups[: 2 * len(self._models)], cloud, behind):
+            pose = _estimated(match, group, views, "seen", time)
+            spread = float(np.linalg.eigvalsh(pose.covariance[:3, :3]).max()) ** 0.5
+            clear = match.cost < matching.CLEAR and match.confirmed >= _HALF_HIDDEN and spread < _SHARP
+            if clear and not self._overlaps_twin(match, found):
+                found[match.model.name] = pose
+                cloud = _without(cloud, match)
+        return cloud
+
+    def _explained(self, view: View, found: Mapping[str, EstimatedPose]) -> npt.NDArray[np.bool_]:
+        """Which pixels (H * W,) of a view measured the room, the robot, or an item that was found."""
+        pixels = self._pixels[view.name]
+        points = view.points(pixels)
+        mine = np.zeros(len(points), np.bool_)
+        for name, pose in found.items():
+            model, body = self._models[name], matrix(pose.pose)
+            distance, _ = model.distances((points - body[:3, 3]) @ body[:3, :3] - model.centre)
+            mine |= distance < _EXPLAINED
+        explained = np.ones(view.depth.size, np.bool_)
+        explained[pixels] = mine
+        return explained
 
     def _overlaps_twin(self, match: Match, found: Mapping[str, EstimatedPose]) -> bool:
         """Whether an identical item is there already: something cuts it in two clusters, and each was taken for one."""

@@ -52,7 +52,8 @@ LEAST_CONFIRMED = 0.10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Match:
-    """An item's pose by a cluster: of its model's centre, (3, 3) and (3,), its cost, and what speaks for it."""
+    """An item's pose by a cluster: of its model's centre, (3, 3) and (3,), its cost, and what speaks for it: the share
+    of the surface that each view confirms, and that any of them does."""
 
     model: ItemModel
     rotation: FloatArray
@@ -60,6 +61,7 @@ class Match:
     misfit: float
     cost: float
     by_view: FloatArray
+    confirmed: float = 0.0
 
     @property
     def accepted(self) -> bool:
@@ -201,6 +203,7 @@ def _judged(model: ItemModel, poses: Poses, cluster: Cloud, views: Sequence[View
         float(misfit[best]),
         float(cost[best]) + _COLOUR * min(1.0, 3.0 * _colour_distance(model, cluster)) if is_told else np.inf,
         told.by_view[best],
+        float(told.confirmed[best]),
     )
 
 

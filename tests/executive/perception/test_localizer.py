@@ -126,6 +126,17 @@ def held(room: Room, name: str, height: float) -> None:
     room.where[name] = pose(0.0, 0.0, height)
 
 
+@pytest.mark.parametrize(("gap", "is_told"), [(0.09, True), (0.075, False)])
+def test_what_is_mostly_hidden_is_found_where_what_is_seen_of_it_tells_where_it_is(gap: float, is_told: bool) -> None:
+    screen, low = box("screen", (0.04, 0.34, 0.16), BLUE), box("low", (0.04, 0.12, 0.08))
+    where = {"brick": pose(0, 0, 0.025, np.pi / 2), "screen": pose(gap, 0, 0.08), "low": pose(-gap, 0, 0.04)}
+    room = Room([BRICK, screen, low], where)
+    found = room.localizer().now()
+    assert_found(found, room, "screen", "low", *(["brick"] if is_told else []))
+    assert found.missing == (() if is_told else ("brick",))
+    assert bool(found.lumps) is not is_told
+
+
 def test_what_is_in_the_hand_goes_where_the_hand_goes() -> None:
     room = Room([TOWER, BRICK], {**WHERE, "tower": pose(0.0, 0.0, 0.08)})
     localizer = room.localizer()
