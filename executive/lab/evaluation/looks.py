@@ -60,7 +60,7 @@ class Said(NamedTuple):
     probability: tuple[float | None, ...]
     seconds: float
     why: str = ""
-    posterior: tuple[float, ...] = ()
+    posterior: tuple[float | None, ...] = ()
 
 
 class Observer:

@@ -42,12 +42,13 @@ class Posterior:
         self._monitor = None if varying else open_single_look(domain, self._estimator)
         self._episode: int | None = None
 
-    def of(self, point: Point, atoms: Sequence[Atom], answers: Belief) -> tuple[float, ...]:
-        """Return the probability of each of the atoms that were asked about, given the answers to a look at a point."""
+    def of(self, point: Point, atoms: Sequence[Atom], answers: Belief) -> tuple[float | None, ...]:
+        """Return the probability of each of the atoms that were asked about, given the answers to a look at a point; of
+        one that no run of the task would ask about, its own answer."""
         monitor = self._of_episode(point) if self._varying else self._monitor
         assert monitor is not None
         _, judgement = monitor.looked(monitor.begin(), answers, 1)
-        return tuple(judgement.probability[atom] for atom in atoms)
+        return tuple(judgement.probability.get(atom, answers.probability.get(atom)) for atom in atoms)
 
     def _of_episode(self, point: Point) -> BayesMonitor | None:
         assert self._varying is not None
