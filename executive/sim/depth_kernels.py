@@ -13,6 +13,9 @@ from executive.util.compiled import compiled
 NEAREST, FARTHEST = 0.15, 4.0
 """m from the camera within which anything is measured."""
 
+BEYOND = math.nextafter(FARTHEST, math.inf)
+"""m that stands for everything that is out of reach."""
+
 _STEP = 0.0005
 """1/m: measurements are multiples of it in inverse distance (disparity), 0.5 mm at 1 m."""
 
@@ -41,7 +44,8 @@ _Noise = npt.NDArray[np.float32]
 
 @compiled
 def sense(
-    exact: FloatArray,
+    seen: FloatArray,
+    log: FloatArray,
     image: Image,
     white: _Noise,
     luck: _Noise,
@@ -50,55 +54,58 @@ def sense(
     pixel: float,
     found: DepthImage,
 ) -> None:
-    """Fill `found` (H, W) with what is measured of `exact` (H, W) in m, in mm, 0 for nothing.
+    """Fill `found` (H, W) with what is measured, in mm, 0 for nothing.
 
     Args:
+        seen, log: (H, W), the true distances in m, with `BEYOND` for those that are out of reach, and their logarithms
+            (which numpy takes many at a time).
         white, luck, between: (H, W), a normal and two uniform random numbers for each pixel.
         noise: standard deviation in m at 1 m.
         pixel: the width of a pixel at 1 m.
     """
-    height, width = exact.shape
-    seen = np.empty((height, width))
-    for row in range(height):
-        for column in range(width):
-            away = exact[row, column]
-            seen[row, column] = away if NEAREST <= away <= FARTHEST else FARTHEST
-    log = np.log(seen)
+    height, width = seen.shape
+    # Of the three pixels above each other, so that those around a pixel are told by three of them. Each of the loops
+    # over a row is one that the compiler makes instructions for many pixels of.
+    lowest, highest, errors = np.empty(width), np.empty(width), np.empty(width)
+    low, high, error = np.empty(width), np.empty(width), np.empty(width)
     for row in range(height):
         above, below = max(row - 1, 0), min(row + 1, height - 1)
         y = (row + 0.5 - 0.5 * height) * pixel
         for column in range(width):
+            one, two, three = seen[above, column], seen[row, column], seen[below, column]
+            lowest[column], highest[column] = min(one, two, three), max(one, two, three)
+            errors[column] = np.float64(white[above, column]) + white[row, column] + white[below, column]
+        for column in range(width):
+            left, right = max(column - 1, 0), min(column + 1, width - 1)
+            low[column] = min(lowest[left], lowest[column], lowest[right])
+            high[column] = max(highest[left], highest[column], highest[right])
+            error[column] = errors[left] + errors[column] + errors[right]
+        for column in range(width):
             found[row, column] = 0
-            if not NEAREST <= exact[row, column] <= FARTHEST:
+            away = seen[row, column]
+            if away >= BEYOND:
                 continue
             left, right = max(column - 1, 0), min(column + 1, width - 1)
-            away = seen[row, column]
-            low, high, error = away, away, 0.0
-            for at in (above, row, below):
-                for beside in (left, column, right):
-                    low, high = min(low, seen[at, beside]), max(high, seen[at, beside])
-                    error += white[at, beside]
-            brightest, darkest = 0, 255
-            for colour in range(3):
-                brightest = max(brightest, image[row, column, colour])
-                darkest = min(darkest, image[row, column, colour])
-            nothing = _ON_DARK * max(0.0, 1.0 - brightest / (255.0 * _DARK))
-            if darkest >= _SATURATED:
+            red, green, blue = image[row, column, 0], image[row, column, 1], image[row, column, 2]
+            nothing = _ON_DARK * max(0.0, 1.0 - max(red, green, blue) / (255.0 * _DARK))
+            if min(red, green, blue) >= _SATURATED:
                 nothing = max(nothing, _ON_SATURATED)
-            if high - low > max(_EDGE * away, _STEEP * away * pixel):  # there is no surface to be seen at an angle
+            gap = high[column] - low[column]
+            if gap > max(_EDGE * away, _STEEP * away * pixel):  # there is no surface to be seen at an angle
                 nothing = max(nothing, _AT_EDGES)
-                noisy = low + between[row, column] * (high - low)
+                noisy = low[column] + between[row, column] * gap
             else:
                 # With u = log z the normal of the surface z(x, y) is along (u_x, u_y, -(1 + x u_x + y u_y)) in the
                 # camera's frame, and its product with the line of sight (x, y, 1) is -1 for every surface.
                 x = (column + 0.5 - 0.5 * width) * pixel
-                across = (log[row, right] - log[row, left]) / ((right - left) * pixel)
-                down = (log[below, column] - log[above, column]) / ((below - above) * pixel)
+                across = (log[row, right] - log[row, left]) * (0.5 / pixel if right - left == 2 else 1.0 / pixel)
+                down = (log[below, column] - log[above, column]) * (0.5 / pixel if below - above == 2 else 1.0 / pixel)
                 along = 1.0 + x * across + y * down
-                facing = 1.0 / math.sqrt((across**2 + down**2 + along**2) * (1.0 + x**2 + y**2))
-                nothing = max(nothing, min(1.0, max(0.0, 1.0 - facing / _GLANCING)))
+                slant = (across**2 + down**2 + along**2) * (1.0 + x**2 + y**2)
+                if slant * _GLANCING**2 > 1.0:  # few surfaces are seen at such an angle, and roots take long
+                    nothing = max(nothing, 1.0 - 1.0 / (_GLANCING * math.sqrt(slant)))
                 # The sum of a window, over 3, is of variance 1 again, and alike within the window.
-                noisy = away + noise * away**2 * error / 3.0
+                noisy = away + noise * away**2 * error[column] / 3.0
             if luck[row, column] < nothing:
                 continue
             noisy = 1.0 / (np.rint(1.0 / max(noisy, NEAREST) / _STEP) * _STEP)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from executive.sim.depth_kernels import FARTHEST, NEAREST, sense
+from executive.sim.depth_kernels import BEYOND, FARTHEST, NEAREST, sense
 from executive.sim.spec import CameraSpec
 from executive.types import DepthImage, FloatArray, Image
 
@@ -22,13 +22,14 @@ def measured(exact: FloatArray, image: Image, camera: CameraSpec, rng: np.random
         image: the same view, (H, W, 3).
         rng: the sensor's own stream; as much is drawn whatever there is to see.
     """
+    within = (exact >= NEAREST) & (exact <= FARTHEST)
     if camera.depth_noise == 0.0:
-        within = (exact >= NEAREST) & (exact <= FARTHEST)
         return np.round(1000.0 * np.where(within, exact, 0.0)).astype(np.uint16)
     white = rng.standard_normal(exact.shape, dtype=np.float32)
     luck = rng.random(exact.shape, dtype=np.float32)
     between = rng.random(exact.shape, dtype=np.float32)
     pixel = 2.0 * float(np.tan(0.5 * np.deg2rad(camera.fovy_degrees))) / camera.height
     found = np.empty(exact.shape, np.uint16)
-    sense(exact, image, white, luck, between, camera.depth_noise, pixel, found)
+    seen = np.where(within, exact, BEYOND)
+    sense(seen, np.log(seen), image, white, luck, between, camera.depth_noise, pixel, found)
     return found

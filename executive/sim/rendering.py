@@ -115,6 +115,13 @@ class Drawing:
 
         return self.drawn(data, camera, segment)
 
+    def picture_and_depth(self, data: mujoco.MjData, camera: CameraSpec) -> tuple[Image, FloatArray]:
+        """What `picture` and `depth` return, in half the time, but for where there is nothing to be seen: that is some
+        distance far beyond everything."""
+        if camera.renderer == "mitsuba" and self._spec is not None:
+            return self.photoreal().picture(data, camera), self.depth(data, camera)
+        return self.drawn(data, camera, _picture_and_depth)
+
     def drawn(self, data: mujoco.MjData, camera: CameraSpec, draw: Callable[[mujoco.Renderer], _T]) -> _T:
         """What `draw` makes, in the thread that draws, of the renderer for a camera's size, ready to draw what the
         camera sees: visuals and items, no helpers."""
@@ -167,6 +174,23 @@ class Drawing:
             weakref.finalize(self, _there, renderer.close).atexit = False
             _close_at_exit(self)
         return renderer
+
+
+def _picture_and_depth(renderer: mujoco.Renderer) -> tuple[Image, FloatArray]:
+    """A picture (H, W, 3) and its depth (H, W) in m by one drawing, of which `mujoco.Renderer` itself reads one."""
+    picture = np.empty((renderer.height, renderer.width, 3), np.uint8)
+    raw = np.empty((renderer.height, renderer.width), np.float32)
+    renderer._gl_context.make_current()
+    mujoco.mjr_render(renderer._rect, renderer.scene, renderer._mjr_context)
+    mujoco.mjr_readPixels(picture, raw, renderer._rect, renderer._mjr_context)
+    # OpenGL's projection has numbers of single precision, and so has what takes it back.
+    near = np.float32(renderer.model.vis.map.znear * renderer.model.stat.extent)
+    far = np.float32(renderer.model.vis.map.zfar * renderer.model.stat.extent)
+    scale = np.float32(0.5) * ((far + near) / (far - near)) - np.float32(0.5)
+    depth = (far * near / (far - near)) / (raw.astype(float) + scale)
+    depth = depth.astype(np.float32).astype(float)
+    # OpenGL counts rows from below.
+    return np.ascontiguousarray(picture[::-1]), np.ascontiguousarray(depth[::-1])
 
 
 _unclosed = weakref.WeakSet[Drawing]()

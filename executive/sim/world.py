@@ -15,13 +15,13 @@ import mujoco
 import numpy as np
 
 from executive.errors import DomainError, InputError
-from executive.sim import depth_sensor, disturbances, photoreal, placement, scene, unknown
+from executive.sim import disturbances, photoreal, placement, scene, unknown
 from executive.sim import viewer_geometry as scenery
+from executive.sim.cameras import Cameras
 from executive.sim.drawers import Drawers
-from executive.sim.rendering import Drawing, sensed
 from executive.sim.robot_api import ArmLimits, Handle, PoseSource
 from executive.sim.spec import SceneSpec, read_scene
-from executive.types import DepthImage, FloatArray, Frame, Image, Observation, PosesEstimated, Scenery, Watched
+from executive.types import FloatArray, Frame, Image, Observation, PosesEstimated, Scenery, Watched
 from executive.util.arrays import parse_arrays
 from executive.util.requirements import give_back_memory
 from executive.util.timeout import exclusive
@@ -116,7 +116,7 @@ class MujocoWorld:
         self._placement_rng, self._noise_rng = (
             np.random.default_rng(child) for child in np.random.SeedSequence([seed, 0x5EED]).spawn(2)
         )
-        self._seed, self._grasp_noise, self._depth = seed, grasp_noise, depth
+        self._grasp_noise = grasp_noise
         self._misplaced: FloatArray | None = None
         self._forced_open_until = -1.0
         self.localizer: PoseSource | None = None
@@ -134,8 +134,7 @@ class MujocoWorld:
         self._listener: Callable[[Watched], None] | None = None
         self._next_frame = 0.0
         self._observations = itertools.count(first_observation)
-        self.drawing = Drawing(self.model, self.spec, seed)
-        self._camera_positions = np.array(self.model.cam_pos)
+        self.cameras = Cameras(self.model, self.data, self.spec, seed, depth)
         self._steps = max(1, round(CONTROL_PERIOD / self.spec.timestep))
         self._arm = np.array([self.model.joint(name).qposadr[0] for name in scene.JOINTS])
         self._servo = np.array([self.model.actuator(name).id for name in scene.JOINTS])
@@ -172,52 +171,29 @@ class MujocoWorld:
         return float(self.data.time)
 
     def observe(self, cause: str = "", cameras: Collection[str] | None = None) -> Observation:
-        names = [camera.name for camera in self.spec.cameras if cameras is None or camera.name in cameras]
         number = next(self._observations)
-        images = {name: sensed(self.render(name), [self._seed, number, at]) for at, name in enumerate(names)}
-        depth = self.measure_depth(images) if self._depth else {}
+        images, depth = self.cameras.look(number, cameras)
         return Observation(number, self.time, images, self.joints(), cause, noisy=True, depth=depth)
 
     def sense(self) -> Observation:
         """What the cameras that measure depth sense now: a look that has no number, for estimating poses."""
-        images = {camera.name: self.render(camera.name) for camera in self.spec.cameras if camera.depth}
-        return Observation(-1, self.time, images, self.joints(), "poses", depth=self.measure_depth(images))
+        images, depth = self.cameras.sense()
+        return Observation(-1, self.time, images, self.joints(), "poses", depth=depth)
 
     def move_camera(self, camera: str, by: FloatArray) -> None:
         """Have a camera stand `by` (3,) m, in the world's frame, from where the scene says, and everybody believes."""
-        index = self.model.camera(camera).id
-        self.model.cam_pos[index] = self._camera_positions[index] + by
-
-    def measure_depth(self, images: Mapping[str, Image]) -> dict[str, DepthImage]:
-        """What the cameras among those of `images` that measure depth measure now, in mm, with their sensors' noise.
-
-        The noise is drawn by seed, time and camera, from nothing that anything else is drawn from.
-        """
-        mujoco.mj_forward(self.model, self.data)
-        when, found = round(1e6 * self.time), {}
-        for at, camera in enumerate(self.spec.cameras):
-            if camera.depth and camera.name in images:
-                rng = np.random.default_rng([self._seed, 0xDE, when, at])
-                exact = self.drawing.depth(self.data, camera)
-                found[camera.name] = depth_sensor.measured(exact, images[camera.name], camera, rng)
-        return found
+        self.cameras.move(camera, by)
 
     def stop(self) -> None:
         """The servos hold the arm where it was last commanded to be, and time only passes while a skill drives it."""
 
     def render(self, camera: str) -> Image:
         """One camera's picture without noise, (H, W, 3) uint8."""
-        mujoco.mj_forward(self.model, self.data)
-        return self.drawing.picture(self.data, next(spec for spec in self.spec.cameras if spec.name == camera))
+        return self.cameras.picture(camera)
 
     def masks(self) -> dict[str, Image]:
         """Which item each pixel of each camera shows, (H, W) uint8: from 1 on in the order of `items`, 0 for none."""
-        mujoco.mj_forward(self.model, self.data)
-        roots = self.model.body_rootid[self.model.geom_bodyid]
-        number = np.zeros(self.model.ngeom + 1, dtype=np.uint8)  # the last is for no geom
-        for index, item in enumerate(self.items):
-            number[:-1][roots == self.model.body(item).id] = index + 1
-        return {camera.name: number[self.drawing.geoms(self.data, camera)] for camera in self.spec.cameras}
+        return self.cameras.masks(self.items)
 
     def prepare(self, tell: Callable[[str], None]) -> None:
         """Make the renderer of photorealistic pictures ready, if a camera has them; `tell` receives what one costs."""
@@ -225,14 +201,14 @@ class MujocoWorld:
         if drawn:
             tell("the scene for Mitsuba")
             self.render(drawn[0].name)
-            drawing = self.drawing.photoreal()
+            drawing = self.cameras.drawing.photoreal()
             drawing.forget_cost()  # the first one takes longer
             self.render(drawn[0].name)
             tell(f"the scene for {drawing.cost}")
 
     def warm_up(self, handle: object) -> None:
         """Have the renderers made, in the thread that draws."""
-        self.drawing.warm_up([camera for camera in self.spec.cameras if camera.renderer != "mitsuba"])
+        self.cameras.drawing.warm_up([camera for camera in self.spec.cameras if camera.renderer != "mitsuba"])
 
     def snapshot(self) -> bytes:
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
@@ -436,8 +412,8 @@ class MujocoWorld:
         self._listener = self.localizer = None
         self._scheduled.clear()
         if hasattr(self, "model"):
-            self.drawing.close()
-            del self.model, self.data, self.drawing, self.drawers
+            self.cameras.drawing.close()
+            del self.model, self.data, self.cameras, self.drawers
 
     def pose(self, item: str) -> FloatArray:
         """Where an item is, (7,), without error."""

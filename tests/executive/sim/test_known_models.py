@@ -27,7 +27,7 @@ def test_robot_and_furniture_are_where_they_are_seen_when_there_is_nothing_else(
     for name, depth in seen.items():
         camera = next(camera for camera in world.spec.cameras if camera.name == name)
         world.render(name)
-        assert np.abs(depth - world.drawing.depth(world.data, camera)).max() < 1e-3
+        assert np.abs(depth - world.cameras.drawing.depth(world.data, camera)).max() < 1e-3
     hand = known.hand(world.joints())
     assert np.allclose(hand[:3, 3], world.data.site("grip_site").xpos, atol=1e-6)
     low, high = known.bounds

@@ -29,9 +29,9 @@ def world() -> Iterator[MujocoWorld]:
 
 @pytest.mark.slow
 def test_silhouettes_are_those_that_mujoco_draws_to_a_pixel(world: MujocoWorld) -> None:
-    camera, drawing = world.spec.cameras[0], world.drawing.photoreal()
+    camera, drawing = world.spec.cameras[0], world.cameras.drawing.photoreal()
     mujoco.mj_forward(world.model, world.data)
-    geoms = world.drawing.geoms(world.data, camera)
+    geoms = world.cameras.drawing.geoms(world.data, camera)
     drawing._move(world.data)
     numbers = drawing._mi.load_dict({"type": "aov", "aovs": "shape:shape_index"})
     shapes = np.round(drawing._rendered(numbers, drawing._sensor(world.data, camera), 1)[..., 0]).astype(int)

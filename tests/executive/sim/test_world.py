@@ -139,7 +139,7 @@ def test_every_item_and_the_jaws_can_be_seen(seed: int) -> None:
     seen = dict.fromkeys([*ITEMS, "jaws"], 0)
     fingers = {drawn.model.body(name).id for name in ("left_inner_finger", "right_inner_finger")}
     for camera in drawn.spec.cameras:
-        owner = np.append(drawn.model.geom_bodyid, -1)[drawn.drawing.drawn(drawn.data, camera, segmented)]
+        owner = np.append(drawn.model.geom_bodyid, -1)[drawn.cameras.drawing.drawn(drawn.data, camera, segmented)]
         for item in ITEMS:
             root = drawn.model.body(item).id
             bodies = np.flatnonzero(drawn.model.body_rootid == root)
