@@ -32,7 +32,12 @@ class Dense(nn.Module):
         self.halves = nn.Conv2d(size.widths[-2], self._values, 1)
 
     def forward(
-        self, last: torch.Tensor, before: torch.Tensor, masks: torch.Tensor, channels: torch.Tensor
+        self,
+        last: torch.Tensor,
+        before: torch.Tensor,
+        masks: torch.Tensor,
+        channels: torch.Tensor,
+        told: torch.Tensor | None = None,
     ) -> tuple[torch.Tensor, dict[str, float]]:
         """Returns the loss and its components.
 
@@ -41,23 +46,27 @@ class Dense(nn.Module):
             before: the output of the stage before, (B, C', 2G, 2G).
             masks: the object that each pixel shows, (B, MASK, MASK).
             channels: what can be read off each object, (B, K, H).
+            told: which channels the pictures tell, (B, H), 1 or 0; all of them if None.
         """
         grid, masks, channels = last.shape[-1], masks.to(last.device), channels.to(last.device)
+        told = torch.ones_like(channels[:, 0]) if told is None else told.to(last.device)
+        values, others = told[:, : self._values, None, None], told[:, self._values :, None, None]
         pixels = shown(masks, channels.shape[1], grid)
         amount = torch.einsum("bkhw,bkv->bvhw", pixels, channels[..., : self._values])
         out = self.cells(last.float())
         seen = functional.binary_cross_entropy_with_logits(
             out[:, : self._values],
             (amount >= 1).float(),
-            weight=torch.where((amount > 0) & (amount < FEWEST), 0.3, 1.0),
+            weight=values * torch.where((amount > 0) & (amount < FEWEST), 0.3, 1.0),
         )
         clear = (pixels >= FEWEST).float()
         there = clear.amax(1, keepdim=True)
         true = torch.einsum("bkhw,bkv->bvhw", clear, channels[..., self._values :]).clamp_max(1.0)
         wrong = functional.binary_cross_entropy_with_logits(out[:, self._values :], true, reduction="none")
-        known = (wrong * there).sum() / (there.sum() * wrong.shape[1] + 1.0)
+        known = (wrong * there * others).sum() / ((there * others).sum() + 1.0)
         finer = torch.einsum("bkhw,bkv->bvhw", shown(masks, channels.shape[1], 2 * grid), channels[..., : self._values])
-        halves = functional.binary_cross_entropy_with_logits(self.halves(before.float()), (finer >= 1).float())
+        read = self.halves(before.float())
+        halves = functional.binary_cross_entropy_with_logits(read, (finer >= 1).float(), values.expand_as(read))
         parts = {"seen": float(seen.detach()), "known": float(known.detach()), "finer": float(halves.detach())}
         return 5.0 * seen + 2.0 * known + 2.0 * halves, parts
 

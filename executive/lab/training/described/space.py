@@ -65,6 +65,7 @@ class DescribedSpace:
         nullary, unary, binary: the predicates that are asked about.
         most: the largest number of described objects.
         held_out: the combinations of values that training does not see.
+        hues: the attributes whose values are colours and nothing else.
     """
 
     attributes: Mapping[str, tuple[str, ...]]
@@ -75,6 +76,7 @@ class DescribedSpace:
     binary: tuple[str, ...]
     most: int
     held_out: tuple[HeldOut, ...] = ()
+    hues: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, domain: Domain, most: int) -> DescribedSpace:
@@ -101,6 +103,11 @@ class DescribedSpace:
             of[2],
             most,
             tuple(recipe.held_out),
+            tuple(
+                name
+                for name, values in scene.attributes.items()
+                if all(part.keys_said().keys() == {"rgba"} for part in values.values())
+            ),
         )
 
     @cached_property
@@ -117,6 +124,12 @@ class DescribedSpace:
     def size(self) -> int:
         """H, the number of channels."""
         return len(self.values) * (1 + 2 * len(self.binary)) + len(self.unary)
+
+    def channels_of(self, values: Collection[str]) -> list[int]:
+        """The channels that say one of some values, of the object or of what it stands in a relation to."""
+        places, count, relations = [self.values.index(value) for value in values], len(self.values), len(self.binary)
+        first = [0, *(count + len(self.unary) + number * count for number in range(2 * relations))]
+        return [start + place for start in first for place in places]
 
     @cached_property
     def descriptions(self) -> list[dict[str, str]]:

@@ -15,6 +15,7 @@ from executive.domain.loader import Domain
 from executive.lab.training import network, vision_encoder, warm_start
 from executive.lab.training import tokenizer as words
 from executive.lab.training.described import heads
+from executive.lab.training.described.disguises import disguised
 from executive.lab.training.described.questions import DescribedQuestions
 from executive.lab.training.described.shards import DescribedPool
 from executive.lab.training.described.space import DescribedSpace, Scenes
@@ -91,10 +92,17 @@ class DescribedTrainer(Trainer):
         return DescribedPool(folder)
 
     def vision_loss(self, pool: Any, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
-        raw, masks, scenes = pool.single(self.preset.batch, rng)
+        return self._disguised_loss(pool, self.preset.batch, rng)
+
+    def _disguised_loss(self, pool: Any, count: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
+        """The loss of the dense labels on single pictures, of which some do not tell all."""
+        raw, masks, scenes = pool.single(count, rng)
+        raw, told = disguised(raw, self.space, rng)
         pictures = vision_encoder.prepared(raw, rng).to(self.device)
         last, before = vision_encoder.features(self.model.model.vision_tower, pictures)
-        loss, metrics = self.dense(last, before, torch.from_numpy(masks), _float(scenes.channels()))
+        loss, metrics = self.dense(
+            last, before, torch.from_numpy(masks), _float(scenes.channels()), torch.from_numpy(told)
+        )
         return loss, metrics
 
     def language_loss(self, states: Any, rng: np.random.Generator, open_share: float) -> tuple[torch.Tensor, Metrics]:
@@ -123,6 +131,8 @@ class DescribedTrainer(Trainer):
         meant = self.codes(heads.read_off_cells(each, channels, self.preset.size.grid)).detach()
         apart = functional.mse_loss(cells, meant) / meant.var()
         dense, metrics = self.dense(last, before, each, channels)
+        if learning:  # or else colours would tell shapes again
+            dense = 0.5 * (dense + self._disguised_loss(pool, max(1, count // 3), rng)[0])
         tokens = self.row(cells.reshape(count, shown, *cells.shape[1:]))
         return EncodedScenes(scenes, tokens, apart, dense, metrics)
 
