@@ -5,7 +5,7 @@ ended. What such a function calls stands here: look, reach, approach, grasp, car
 `put`, which are made of these.
 """
 
-from executive.skills.arm import ArmSkill, Attempt, SkillError, go_home, perform
+from executive.skills.arm import ArmSkill, Attempt, SkillError
 from executive.skills.collision import Held
 from executive.skills.in_the_way import blockers
 from executive.skills.library import (
@@ -34,6 +34,7 @@ from executive.skills.manipulation import (
     take,
     uncover,
 )
+from executive.skills.perform import go_home, perform
 from executive.skills.policy import POLICY_FORMAT, Policy, PolicySkill, Sensed, turned
 from executive.skills.surfaces import Surface
 from executive.skills.towers import carrier, check_stands, tower

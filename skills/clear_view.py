@@ -11,7 +11,8 @@ from itertools import product
 import numpy as np
 
 from executive.protocols import SkillContext
-from executive.skills.arm import CARRYING, ArmSkill, Attempt, SkillError, go_home, perform
+from executive.skills.arm import CARRYING, ArmSkill, Attempt, SkillError
+from executive.skills.perform import go_home, perform
 from executive.types import FloatArray, SkillResult, SkillStatus, Step, about_vertical
 
 _THERE = 0.02

@@ -15,9 +15,10 @@ from scipy.spatial.transform import Rotation
 from executive.protocols import SkillContext
 from executive.sim.fixtures import DrawerSpec
 from executive.skills import transforms
-from executive.skills.arm import ArmSkill, Attempt, SkillError, go_home, perform
+from executive.skills.arm import ArmSkill, Attempt, SkillError
 from executive.skills.library import APPROACH, RETREAT, Way, approach, close_fist, floors_of, is_free, reach, release
 from executive.skills.manipulation import STAYS, move_aside
+from executive.skills.perform import go_home, perform
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 
 _AROUND = 0.024

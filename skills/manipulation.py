@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from executive.sim.scene import ItemShape
 from executive.skills import grasps, surfaces, transforms
-from executive.skills.arm import OPEN_WIDTH, Attempt, SkillError, go_home, withdraw
+from executive.skills.arm import OPEN_WIDTH, Attempt, SkillError
 from executive.skills.collision import Held
 from executive.skills.in_the_way import blockers, works
 from executive.skills.library import (
@@ -30,6 +30,7 @@ from executive.skills.library import (
     spots_for,
     surface,
 )
+from executive.skills.perform import go_home, withdraw
 from executive.skills.surfaces import Surface
 from executive.types import FloatArray, Sense, SkillStatus, about_vertical
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from executive.protocols import SkillContext
 from executive.skills import manipulation, towers
-from executive.skills.arm import ArmSkill, Attempt, SkillError, go_home, perform
+from executive.skills.arm import ArmSkill, Attempt, SkillError
+from executive.skills.perform import go_home, perform
 from executive.types import SkillResult, SkillStatus, Step
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from executive.protocols import SkillContext
 from executive.skills import manipulation
-from executive.skills.arm import ArmSkill, Attempt, SkillError, perform
+from executive.skills.arm import ArmSkill, Attempt, SkillError
+from executive.skills.perform import perform
 from executive.types import SkillResult, SkillStatus, Step
 
 

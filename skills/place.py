@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from executive.protocols import SkillContext
 from executive.skills import manipulation, towers
-from executive.skills.arm import ArmSkill, Attempt, go_home, perform
+from executive.skills.arm import ArmSkill, Attempt
+from executive.skills.perform import go_home, perform
 from executive.types import SkillResult, Step
 
 

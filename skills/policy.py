@@ -27,8 +27,9 @@ from executive.errors import InputError
 from executive.protocols import SkillContext, Tell
 from executive.sim.scene import ItemShape
 from executive.skills import collision_kernels, transforms
-from executive.skills.arm import Attempt, SkillError, go_home, perform
+from executive.skills.arm import Attempt, SkillError
 from executive.skills.ik import Kinematics
+from executive.skills.perform import go_home, perform
 from executive.types import FloatArray, SkillResult, SkillStatus, Step
 
 POLICY_FORMAT = "executive-policy-1"

@@ -12,8 +12,9 @@ from executive.app.config import RunConfig
 from executive.app.run import Run
 from executive.sim.world import MujocoWorld
 from executive.skills.arm import arm_of
+from executive.skills.perform import go_home, perform
 from executive.trace.record.log import read_events
-from executive.types import Decision, FloatArray, OutcomeKind, Reason, SkillStatus
+from executive.types import Decision, FloatArray, OutcomeKind, Reason, SkillStatus, Step
 from tests.executive.sim.stage import ROOT, SCENE, TABLES
 from tests.skills.test_skills import Robot
 
@@ -104,3 +105,14 @@ def test_what_is_in_the_way_of_every_motion_of_an_empty_hand_is_moved_aside(tmp_
     assert robot.phases().count("clear") == 1
     assert robot.so("robot-gripping(soda-can)")
     assert robot.so("on-table(wall,black-table)")
+
+
+def test_what_is_in_the_way_home_is_told(tmp_path: Path) -> None:
+    robot = beside_a_wall(tmp_path)
+    # In the air, where time does not pass: the straight motion home leads through it.
+    robot.world.put("wall", np.array([0.46, -0.08, 1.122, 1.0, 0.0, 0.0, 0.0]))
+    robot.world.data.qvel[:] = 0.0
+    home = perform(Step("home", ()), robot._context(), go_home)
+    assert (home.status, home.blockers, home.holding) == (SkillStatus.BLOCKED, ("wall",), True), home.reason
+    robot.world.put("wall", np.array([3.0, 0.0, 0.17, 1.0, 0.0, 0.0, 0.0]))
+    assert perform(Step("home", ()), robot._context(), go_home).done
