@@ -185,6 +185,9 @@ class TrainConfig:
         str | None,
         Option("Start from a trained model, in a third of the time: its folder, or grocery-eye.", flag="--from"),
     ] = None
+    further: Annotated[
+        bool, Option("Go on with a model of this domain (--from): it keeps its words, and learns from new pictures.")
+    ] = False
     objects: Annotated[
         str, Option("How many, where objects change from problem to problem (where there is a problems.toml).")
     ] = "2-10"
@@ -201,6 +204,8 @@ class TrainConfig:
     def __post_init__(self) -> None:
         check(self)
         read_range(self.objects)
+        if self.further and self.start is None:
+            raise OptionError("needs the model that the training goes on with: --from MODEL", option="further")
 
     @property
     def command(self) -> str:

@@ -74,6 +74,7 @@ class Preset:
 
     `shards` files of `moments` each; per step, `batch` pictures in stage 2, `imagined` scenes in stage 3, `scenes` in
     the later ones, and `questions` about each; in the first `align` steps of stage 4 only the projector learns.
+    `further`: the training goes on with a model of the same domain, and keeps its words.
     """
 
     size: ModelSize = field(default_factory=ModelSize)
@@ -89,6 +90,7 @@ class Preset:
     questions: int = 16
     align: int = 120
     vocabulary: int = 1200
+    further: bool = False
 
     def scaled(self, share: float) -> Preset:
         """The same training with a share of the pictures and of the steps of each stage."""
@@ -110,6 +112,14 @@ class Preset:
             shorter["fewer"] = replace(self.fewer, steps=0)
         return replace(self, shards=max(1, round(_WARM["together"] * self.shards)), **shorter)
 
+    def furthered(self, cameras: int) -> Preset:
+        """The training that goes on with a model of the same domain: it sees and asks as before, and has no words to
+        learn."""
+        shorter = {stage: getattr(self, stage).scaled(share) for stage, share in _FURTHER.items()}
+        fewer = self.fewer.scaled(_WARM["fewer"]) if cameras > 1 else replace(self.fewer, steps=0)
+        shards, language = max(1, round(_WARM["together"] * self.shards)), replace(self.language, steps=0)
+        return replace(self, shards=shards, language=language, fewer=fewer, align=0, further=True, **shorter)
+
     def efforts(self, pace: Pace) -> dict[str, float]:
         """The expected seconds of each stage that has any steps, in order."""
         steps = {name: getattr(self, name).steps for name in ("tower", "language", "together", "fewer")}
@@ -130,6 +140,9 @@ class Preset:
 
 _WARM = {"tower": 0.3, "language": 0.4, "together": 0.4, "fewer": 0.4}
 """The share of the steps of each stage that a training takes which does not start from nothing."""
+
+_FURTHER = {"tower": 0.5, "together": 0.4}
+"""The same for one that goes on with a model of the same domain."""
 
 _SEEING = 0.6
 """The same for the first stage of one that starts with another model's vision encoder."""

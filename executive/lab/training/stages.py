@@ -10,7 +10,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -83,7 +85,7 @@ class Trainer:
         instructed = prompts.instructed(prompts.QUESTION_ANSWERING, instructions)
         untranslated = prompts.no_translation(said.pddl.read_text(encoding="utf-8"), domain.task.objects)
         self.systems = [("", 0.45), (prompts.QUESTION_ANSWERING, 0.3), (instructed, 0.25)]
-        self.tokenizer = tokenizer.make_tokenizer(self._corpus([instructed, untranslated]), preset.vocabulary)
+        self.tokenizer = self._tokenizer(start, partial(self._corpus, [instructed, untranslated]))
         self.model = network.build(preset.size, self.tokenizer)
         if start is not None:
             warm_start.begin(self.model, self.tokenizer, start, preset.size)
@@ -98,11 +100,21 @@ class Trainer:
     def _place(self) -> None:
         """Brings all parts to the device that there is."""
         decoder.prepare(self.model)
+        self.teacher: nn.ModuleList | None = None
+        if self.preset.further:
+            seeing = [self.model.model.vision_tower, self.model.model.multi_modal_projector]
+            self.teacher = nn.ModuleList(copy.deepcopy(seeing)).requires_grad_(False).eval()
         markers = self.tokenizer.convert_tokens_to_ids(list(tokenizer.PICTURES))
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         self._markers = torch.tensor(markers, device=self.device)
         for part in (self.model, self.dense, self.codes, self.probe):
             part.to(self.device)
+
+    def _tokenizer(self, start: Path | None, corpus: Callable[[], Sequence[str]]) -> Any:
+        """A tokenizer for a corpus, or that of the model that the training goes on with."""
+        if self.preset.further and start is not None:
+            return warm_start.tokenizer_of(start)
+        return tokenizer.make_tokenizer(corpus(), self.preset.vocabulary)
 
     def _corpus(self, texts: Sequence[str]) -> list[str]:
         import random
@@ -139,7 +151,21 @@ class Trainer:
         pictures = vision_encoder.prepared(raw, rng).to(self.device)
         last, before = vision_encoder.features(self.model.model.vision_tower, pictures)
         loss, metrics = self.dense(last, before, torch.from_numpy(masks), torch.from_numpy(facts))
-        return loss, metrics
+        return self._with_teacher(loss, metrics, last, pictures)
+
+    def _with_teacher(
+        self, loss: torch.Tensor, metrics: Metrics, last: torch.Tensor, pictures: torch.Tensor
+    ) -> tuple[torch.Tensor, Metrics]:
+        """The loss, and how far the tokens of pictures are from those of the model that the training goes on with: its
+        decoder reads these."""
+        if self.teacher is None or not len(pictures):
+            return loss, metrics
+        encoder, projector = self.teacher
+        with torch.no_grad():
+            meant = projector(vision_encoder.features(encoder, pictures)[0].float().flatten(2).permute(0, 2, 1))
+        tokens = self.model.model.multi_modal_projector(last.float().flatten(2).permute(0, 2, 1))
+        apart = functional.mse_loss(tokens, meant) / meant.var()
+        return loss + apart, {**metrics, "apart": float(apart.detach())}
 
     # Stage 3.
 
@@ -177,7 +203,8 @@ class Trainer:
         def step_loss(step: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
             if step < preset.align:
                 return self._alignment_loss(pool, rng)
-            return self.answer_loss(pool, rng, 0.3 * max(0.0, 1.0 - 2.0 * step / preset.together.steps))
+            share = 0.0 if preset.further else 0.3 * max(0.0, 1.0 - 2.0 * step / preset.together.steps)
+            return self.answer_loss(pool, rng, share)
 
         self._train_all("together", file, preset.together, step_loss, self.seed + 2, watch, stopped)
 

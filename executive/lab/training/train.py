@@ -69,7 +69,14 @@ class Training:
         self._start = None if config.start is None else warm_start.find(config.start)
         if self._start is not None:
             warm_start.check(self._start, self._whole.size, config.recipe)
-            self._whole = self._whole.warmed(self.cameras, warm_start.is_alike(self._start, self._whole.size))
+            alike = warm_start.is_alike(self._start, self._whole.size)
+            if config.further and not alike:
+                message = (
+                    f"goes on with a model of the size that {config.recipe!r} makes, and {config.start} is another"
+                )
+                raise OptionError(message, option="further")
+            whole = self._whole
+            self._whole = whole.furthered(self.cameras) if config.further else whole.warmed(self.cameras, alike)
         if config.data:
             self._whole = replace(self._whole, shards=len(shards.parts_of(self._data)))
         self._remaining = RemainingTime(dict.fromkeys(STAGES, 1.0))
@@ -303,6 +310,8 @@ class Training:
             "recipe": asdict(self._whole),
         }
         # Not where they are not asked for, so that trainings from before are continued.
+        if not self._whole.further:
+            del described["recipe"]["further"]
         if self._start is not None:
             described["from"] = {"model": self._start.resolve().name, "weights": warm_start.digest(self._start)}
         if self._space is not None:

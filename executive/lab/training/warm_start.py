@@ -96,6 +96,14 @@ def digest(folder: Path) -> str:
     return hashlib.sha256((folder / checkpoint.WEIGHTS).read_bytes()).hexdigest()
 
 
+def tokenizer_of(folder: Path) -> Any:
+    """The tokenizer of the model in a folder."""
+    with importing(), quiet():
+        from transformers import AutoTokenizer
+
+        return AutoTokenizer.from_pretrained(folder)
+
+
 def begin(model: Any, tokenizer: Any, folder: Path, size: ModelSize) -> None:
     """Give a new model of this size the weights of the one in a folder: all of them, or those of its vision encoder."""
     if is_alike(folder, size):
@@ -108,10 +116,7 @@ def load(model: Any, tokenizer: Any, folder: Path) -> None:
     """Give a new model the weights of one that is alike."""
     import torch
 
-    with importing(), quiet():
-        from transformers import AutoTokenizer
-
-        known = AutoTokenizer.from_pretrained(folder).get_vocab()
+    known = tokenizer_of(folder).get_vocab()
     before = _read(folder)
     new = model.model.language_model.embed_tokens.weight
     old = before.model.language_model.embed_tokens.weight

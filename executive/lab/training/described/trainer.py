@@ -13,7 +13,6 @@ from torch.nn import functional
 
 from executive.domain.loader import Domain
 from executive.lab.training import network, vision_encoder, warm_start
-from executive.lab.training import tokenizer as words
 from executive.lab.training.described import heads
 from executive.lab.training.described.disguises import disguised
 from executive.lab.training.described.questions import DescribedQuestions
@@ -58,7 +57,7 @@ class DescribedTrainer(Trainer):
         instructions = load_instructions(said.instructions) if said.instructions is not None else ""
         instructed = prompts.instructed(prompts.QUESTION_ANSWERING, instructions)
         self.systems = [("", 0.45), (prompts.QUESTION_ANSWERING, 0.3), (instructed, 0.25)]
-        self.tokenizer = words.make_tokenizer(self._texts(instructed), preset.vocabulary)
+        self.tokenizer = self._tokenizer(start, lambda: self._texts(instructed))
         self.model = network.build(preset.size, self.tokenizer)
         decoder = self.model.model.language_model
         network.gather_words(decoder)
@@ -103,7 +102,8 @@ class DescribedTrainer(Trainer):
         loss, metrics = self.dense(
             last, before, torch.from_numpy(masks), _float(scenes.channels()), torch.from_numpy(told)
         )
-        return loss, metrics
+        plain = torch.from_numpy(told.all(axis=1))
+        return self._with_teacher(loss, metrics, last[plain], pictures[plain])
 
     def language_loss(self, states: Any, rng: np.random.Generator, open_share: float) -> tuple[torch.Tensor, Metrics]:
         chosen = rng.integers(len(states.own), size=self.preset.imagined)

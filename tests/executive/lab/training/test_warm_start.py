@@ -17,7 +17,7 @@ from executive import cli
 from executive.domain.loader import load_domain
 from executive.errors import InputError, OptionError
 from executive.lab.config import TrainConfig
-from executive.lab.training import network, tokenizer, warm_start
+from executive.lab.training import network, tokenizer, vision_encoder, warm_start
 from executive.lab.training.presets import PRESETS, SMALLEST, Pace, Preset
 from executive.lab.training.stages import Trainer
 from executive.lab.training.train import PACE, Training
@@ -149,3 +149,46 @@ def test_a_budget_that_is_too_small_is_refused(tmp_path: Path, monkeypatch: pyte
     (out / PACE).write_text(json.dumps(asdict(PACE_HERE)), encoding="utf-8")
     with pytest.raises(OptionError, match="minutes"):
         training.run()
+
+
+def test_a_training_goes_on_with_a_model_of_its_domain_and_with_its_words(tmp_path: Path) -> None:
+    first = TrainConfig(str(TRAY), tmp_path / "first", recipe="smallest", minutes=600, jobs=1)
+    begun = Training(first).run()
+    assert begun is not None
+    config = TrainConfig(
+        str(TRAY), tmp_path / "more", recipe="smallest", start=str(begun), further=True, seed=5, jobs=1
+    )
+    told: list[dict[str, float]] = []
+    training = Training(config)
+    made = training.run(tell=lambda seconds: told.append(dict(seconds)))
+    assert made is not None
+    assert "language" not in told[0]
+    assert AutoTokenizer.from_pretrained(made).get_vocab() == AutoTokenizer.from_pretrained(begun).get_vocab()
+    before, after = (warm_start._read(folder).model.vision_tower.state_dict() for folder in (begun, made))
+    assert any(not torch.equal(before[name], after[name]) for name in before)
+    with pytest.raises(InputError, match="another training"):
+        Training(replace(config, further=False))
+
+
+def test_what_a_model_says_of_a_picture_is_held_on_to_while_it_learns_to_see_better(tmp_path: Path) -> None:
+    domain, preset = load_domain(TRAY), PRESETS["smallest"]
+    folder = tmp_path / "start"
+    first = Trainer(domain, preset, 0)
+    network.save(first.model, first.tokenizer, SMALLEST, folder)
+    trainer = Trainer(domain, preset.furthered(1), 1, start=folder)
+    pictures = torch.rand(2, 3, 64, 64)
+    last, _ = vision_encoder.features(trainer.model.model.vision_tower.eval(), pictures)
+    zero = torch.zeros(())
+    same, said = trainer._with_teacher(zero, {}, last, pictures)
+    assert float(same.detach()) == pytest.approx(0.0, abs=1e-6)
+    other, _ = trainer._with_teacher(zero, {}, last + 1.0, pictures)
+    assert float(other.detach()) > 0.01
+    assert said.keys() == {"apart"}
+    assert Trainer(domain, preset, 1)._with_teacher(zero, {}, last, pictures) == (zero, {})
+
+
+def test_going_on_needs_a_model_of_the_same_size(model: Path, tmp_path: Path) -> None:
+    with pytest.raises(OptionError, match="needs the model"):
+        TrainConfig(str(TRAY), tmp_path / "out", further=True)
+    with pytest.raises(OptionError, match="is another"):
+        Training(TrainConfig("blocksworld", tmp_path / "out", recipe="fine", start="grocery", further=True))
