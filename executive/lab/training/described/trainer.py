@@ -14,7 +14,7 @@ from torch.nn import functional
 from executive.domain.loader import Domain
 from executive.lab.training import network, vision_encoder, warm_start
 from executive.lab.training.described import heads
-from executive.lab.training.described.disguises import disguised
+from executive.lab.training.described.disguises import disguised, told_by_colour
 from executive.lab.training.described.questions import DescribedQuestions
 from executive.lab.training.described.shards import DescribedPool
 from executive.lab.training.described.space import DescribedSpace, Scenes
@@ -96,14 +96,13 @@ class DescribedTrainer(Trainer):
     def _disguised_loss(self, pool: Any, count: int, rng: np.random.Generator) -> tuple[torch.Tensor, Metrics]:
         """The loss of the dense labels on single pictures, of which some do not tell all."""
         raw, masks, scenes = pool.single(count, rng)
-        raw, told = disguised(raw, self.space, rng)
+        raw, told, plain = disguised(raw, self.space, rng)
         pictures = vision_encoder.prepared(raw, rng).to(self.device)
         last, before = vision_encoder.features(self.model.model.vision_tower, pictures)
         loss, metrics = self.dense(
             last, before, torch.from_numpy(masks), _float(scenes.channels()), torch.from_numpy(told)
         )
-        plain = torch.from_numpy(told.all(axis=1))
-        return self._with_teacher(loss, metrics, last[plain], pictures[plain])
+        return self._with_teacher(loss, metrics, last[torch.from_numpy(plain)], pictures[torch.from_numpy(plain)])
 
     def language_loss(self, states: Any, rng: np.random.Generator, open_share: float) -> tuple[torch.Tensor, Metrics]:
         chosen = rng.integers(len(states.own), size=self.preset.imagined)
@@ -130,7 +129,8 @@ class DescribedTrainer(Trainer):
         each = torch.from_numpy(masks.reshape(-1, *masks.shape[2:])).to(self.device)
         meant = self.codes(heads.read_off_cells(each, channels, self.preset.size.grid)).detach()
         apart = functional.mse_loss(cells, meant) / meant.var()
-        dense, metrics = self.dense(last, before, each, channels)
+        told = torch.from_numpy(told_by_colour(self.space)).expand(len(channels), -1)
+        dense, metrics = self.dense(last, before, each, channels, told)
         if learning:  # or else colours would tell shapes again
             dense = 0.5 * (dense + self._disguised_loss(pool, max(1, count // 3), rng)[0])
         tokens = self.row(cells.reshape(count, shown, *cells.shape[1:]))
