@@ -61,14 +61,18 @@ class Dense(nn.Module):
         )
         clear = (pixels >= FEWEST).float()
         there = clear.amax(1, keepdim=True)
+        own = torch.einsum("bkhw,bkv->bvhw", clear, channels[..., : self._values]).clamp_max(1.0)
+        missed = functional.binary_cross_entropy_with_logits(out[:, : self._values], own, reduction="none")
+        named = (missed * there * values).sum() / ((there * values).sum() + 1.0)
         true = torch.einsum("bkhw,bkv->bvhw", clear, channels[..., self._values :]).clamp_max(1.0)
         wrong = functional.binary_cross_entropy_with_logits(out[:, self._values :], true, reduction="none")
         known = (wrong * there * others).sum() / ((there * others).sum() + 1.0)
         finer = torch.einsum("bkhw,bkv->bvhw", shown(masks, channels.shape[1], 2 * grid), channels[..., : self._values])
         read = self.halves(before.float())
         halves = functional.binary_cross_entropy_with_logits(read, (finer >= 1).float(), values.expand_as(read))
-        parts = {"seen": float(seen.detach()), "known": float(known.detach()), "finer": float(halves.detach())}
-        return 5.0 * seen + 2.0 * known + 2.0 * halves, parts
+        losses = {"seen": seen, "named": named, "known": known, "finer": halves}
+        total = 5.0 * seen + 4.0 * named + 2.0 * known + 2.0 * halves
+        return total, {name: float(loss.detach()) for name, loss in losses.items()}
 
 
 _GAIN = 8.0
