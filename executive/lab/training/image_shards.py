@@ -65,8 +65,13 @@ class ImageSampler:
         self._relighting = Relighting(world.model, world.spec)
         self.cameras = [camera for camera in world.spec.cameras if cameras is None or camera.name in cameras]
         self._side = side
-        self._small = make_renderer(world.model, mask, mask)
-        self._small.enable_segmentation_rendering()
+        self._mask = mask
+        # A picture is squeezed into a square, and a mask of the same camera, too: each shape has a renderer.
+        widths = {camera.name: round(mask * camera.width / camera.height) for camera in self.cameras}
+        of_width = {width: make_renderer(world.model, mask, width) for width in sorted(set(widths.values()))}
+        self._small = {name: of_width[width] for name, width in widths.items()}
+        for renderer in of_width.values():
+            renderer.enable_segmentation_rendering()
         items = sorted([*world.shapes, *world.drawers.specs])  # as in `LabelSpace`
         roots = {world.model.body(item).id: index + 1 for index, item in enumerate(items)}
         owner = [roots.get(int(world.model.body_rootid[body]), 0) for body in world.model.geom_bodyid]
@@ -95,7 +100,8 @@ class ImageSampler:
         scene.paint(self._relighting.model, item)
 
     def close(self) -> None:
-        self._small.close()
+        for renderer in set(self._small.values()):
+            renderer.close()
         self._relighting.close()
         self._sampler.close()
 
@@ -112,11 +118,17 @@ class ImageSampler:
                 whole = self._relighting.drawing.picture(self._relighting.data, camera)
                 size = (self._side, self._side)
                 pictures.append(np.asarray(Image.fromarray(whole).resize(size, Image.Resampling.BILINEAR)))
-                self._small.update_scene(self._relighting.data, camera.name, _visible())
-                shown = self._small.render()
-                geoms = np.where(shown[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, shown[..., 0], -1)
-                items.append(self._owner[geoms])
+                items.append(self._items(camera.name))
         return np.stack(pictures), np.stack(items)
+
+    def _items(self, camera: str) -> np.ndarray[Any, Any]:
+        """Which item each pixel of a camera's mask shows."""
+        renderer = self._small[camera]
+        renderer.update_scene(self._relighting.data, camera, _visible())
+        shown = renderer.render()
+        geoms = np.where(shown[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, shown[..., 0], -1)
+        columns = ((np.arange(self._mask) + 0.5) * renderer.width / self._mask).astype(int)
+        return np.asarray(self._owner[geoms[:, columns]])
 
 
 def write_shard(folder: Path, number: int, arrays: Mapping[str, np.ndarray[Any, Any]]) -> None:
