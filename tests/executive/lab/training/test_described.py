@@ -11,11 +11,13 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image as Picture
 
+from executive.app.worlds import checked_stage
 from executive.domain.loader import load_domain
 from executive.errors import DomainError, InputError, OptionError
 from executive.lab.config import TrainConfig
-from executive.lab.training import tokenizer
+from executive.lab.training import image_shards, tokenizer
 from executive.lab.training.described import heads, shards
 from executive.lab.training.described.questions import DescribedQuestions
 from executive.lab.training.described.space import DescribedSpace, Scenes
@@ -234,3 +236,33 @@ def test_names_of_several_words_are_looked_up_before_anything_is_learned() -> No
         share.append(float(its.float().mean()))
     assert len(right) == 30
     assert np.mean(right) > 0.3 > 5 * np.mean(share)
+
+
+def test_masks_lie_on_what_they_label_wherever_it_is_in_a_picture_that_is_wider_than_high(tmp_path: Path) -> None:
+    items = {
+        "small-red-rubber-sphere": (0.60, -0.33),
+        "small-blue-rubber-cube": (0.60, 0.33),
+        "small-green-rubber-cube": (0.45, 0.0),
+    }
+    blocks = " ".join(f"{name} - {name.rsplit('-', 1)[1]}" for name in items)
+    init = " ".join(f"(on-table {name})" for name in items)
+    problem = tmp_path / "three.pddl"
+    problem.write_text(
+        f"(define (problem three) (:domain blocksworld) (:objects {blocks}) (:init (hand-empty) {init})"
+        f" (:goal (holding {next(iter(items))})))"
+    )
+    domain = load_domain("blocksworld", str(problem))
+    sampler = image_shards.ImageSampler(domain, [0], 256, start=checked_stage(domain), mask=heads.MASK)
+    world, data = sampler._sampler.world, sampler._relighting.data
+    for name, (x, y) in items.items():
+        world.put(name, np.array([x, y, 0.85, 1.0, 0.0, 0.0, 0.0]))
+    with sampler._relighting.set_up(world.data.qpos.copy(), None, {}):
+        whole = sampler._relighting.drawing.picture(data, world.spec.cameras[0])
+        mask = sampler._items("front")
+    sampler.close()
+    pixels = np.asarray(Picture.fromarray(whole).resize(mask.shape, Picture.Resampling.BOX)).astype(int)
+    for number, channel in enumerate((2, 1, 0), start=1):  # in the order of their names: blue, green, red
+        there = pixels[mask == number]
+        assert len(there) > 15
+        others = [each for each in range(3) if each != channel]
+        assert (there[:, channel] > there[:, others].max(axis=1)).mean() > 0.8
