@@ -42,6 +42,7 @@ INSTEAD = {
     "--minutes 45 ": "",
     "train grocery": "train grocery --recipe smallest --jobs 1",
     "train workshop --from grocery": "train grocery --recipe smallest --jobs 1",
+    "train workshop --from workshop-eye/model": "train grocery --recipe smallest --jobs 1 --from workshop-eye/model",
     "benchmarks/campaigns/grasp-drop.toml": "small.toml",
     "benchmarks/campaigns/blocksworld.toml": "small.toml",
     "campaigns/grasp-drop": "campaigns/small",
