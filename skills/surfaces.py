@@ -94,11 +94,7 @@ class Surface:
 
     def grid(self, step: float) -> FloatArray:
         """Points of the top in the world frame, at most `step` m apart, (N, 3)."""
-        x, y = (np.linspace(-0.5, 0.5, int(np.ceil(extent / step)) + 1) * extent for extent in self.size)
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-        along, across = (each.ravel() for each in np.meshgrid(x, y))
-        beside = np.stack([cos * along - sin * across, sin * along + cos * across, np.zeros(len(along))], axis=1)
-        return np.asarray(self.centre + beside)
+        return footprint.grid(self.centre, self.size, self.yaw, step)
 
     def __str__(self) -> str:
         wide, deep = (100.0 * extent for extent in self.size)

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from executive.app.identity import names_identical, over_identities
 from executive.belief import ErrorModel, SensorModel, WitnessModel
 from executive.perception import EstimatedScenes
 from executive.relations.kinds import RelationKind
+from executive.sim import footprint
 from executive.sim.world import MujocoWorld
 from executive.types import Atom, Observation
 
 NAME = "depth"
 
-ABSENT = 0.1
-"""The probability of an atom about an item that is seen nowhere, with nothing there that it could be."""
+ABSENT, IN_VIEW = 0.1, 0.01
+"""The probability of an atom about an item that is seen nowhere, with nothing there that it could be; and that it is on
+a table on which nothing could hide it."""
+
+_APART = 0.04
+"""m between the places on a table where something may be hidden."""
 
 ERRORS: Mapping[str, ErrorModel] = {
     "on": ErrorModel(0.001, 0.002),
@@ -53,6 +60,7 @@ class DepthWitness:
         self._world, self._kinds, self._identical, self._is_marked = world, kinds, identical, marked
         self._scenes: EstimatedScenes | None = scenes
         self._items = set(world.items)
+        self._hidden_at, self._hidden = float("nan"), dict[tuple[str, str], bool]()
 
     def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
         """Return how probable atoms are; those about identical items only where these are marked."""
@@ -67,8 +75,8 @@ class DepthWitness:
         what they go by.
 
         There is no answer about what is hidden and only remembered. What is seen nowhere is hardly on anything, unless
-        there is something that may be it. Where the fingers hold something and nobody knows what, there is none about
-        the hand, nor about what is seen nowhere.
+        there is something that may be it, and least of all on a table on which everything is in view. Where the fingers
+        hold something and nobody knows what, there is none about the hand, nor about what is seen nowhere.
         """
         world = self._world
         if world.localizer is None or self._scenes is None:
@@ -84,12 +92,27 @@ class DepthWitness:
             about = [name for name in kind.about(atom) if name in self._items]
             if any(name in poses.missing for name in about):
                 if not poses.lumps and not holds_unknown:
-                    told[atom] = ABSENT
+                    told[atom] = ABSENT if self._may_be_hidden(atom) else IN_VIEW
             elif not about and holds_unknown:
                 continue
             elif all(poses.poses[name].source != "remembered" for name in about):
                 told[atom] = sum(kind.holds(scene, atom) for scene in scenes) / len(scenes)
         return told
+
+    def _may_be_hidden(self, atom: Atom) -> bool:
+        """Whether what an atom says would be hidden from the cameras, or is not about a table."""
+        localizer, tables = self._world.localizer, {table.name: table for table in self._world.spec.tables}
+        items = [name for name in atom.args if name in self._items]
+        on = [tables[name] for name in atom.args if name in tables]
+        if localizer is None or len(items) != 1 or len(on) != 1:
+            return True
+        key = items[0], on[0].name
+        if self._hidden_at != self._world.time:
+            self._hidden_at, self._hidden = self._world.time, {}
+        if key not in self._hidden:
+            spots = footprint.grid(np.array(on[0].centre), (on[0].size[0], on[0].size[1]), on[0].yaw, _APART)
+            self._hidden[key] = bool(localizer.hiders(items[0], spots))
+        return self._hidden[key]
 
     def close(self) -> None:
         """Let go of what is known of robot and room, with its off-screen renderer, while there is an OpenGL to free it

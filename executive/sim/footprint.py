@@ -118,3 +118,13 @@ def _to_edges(points: FloatArray, corners: FloatArray) -> float:
     relative = points[:, None] - starts[None]
     along = np.clip((relative * edges).sum(-1) / (edges**2).sum(-1), 0.0, 1.0)
     return float(np.linalg.norm(relative - along[..., None] * edges, axis=-1).min())
+
+
+def grid(centre: FloatArray, size: tuple[float, float], yaw: float, step: float) -> FloatArray:
+    """Points (N, 3) of a rectangle of this size in m, turned by `yaw` (rad) about the vertical through its centre (3,),
+    at most `step` m apart."""
+    x, y = (np.linspace(-0.5, 0.5, int(np.ceil(extent / step)) + 1) * extent for extent in size)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    along, across = (each.ravel() for each in np.meshgrid(x, y))
+    beside = np.stack([cos * along - sin * across, sin * along + cos * across, np.zeros(len(along))], axis=1)
+    return np.asarray(centre + beside)
