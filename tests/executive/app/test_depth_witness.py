@@ -38,6 +38,7 @@ def seen(source: str = "seen", x: float = 0.2, z: float = 0.05) -> PosesEstimate
 def test_it_tells_what_it_can(poses: PosesEstimated, width: float, told: dict[Atom, float]) -> None:
     world: Any = SimpleNamespace(
         items=("box",),
+        spec=SimpleNamespace(tables=()),
         localizer=SimpleNamespace(now=lambda: poses),
         joints=lambda: np.zeros(6),
         gripper_joints=lambda: np.zeros(6),
