@@ -92,7 +92,8 @@ class DepthWitness:
             about = [name for name in kind.about(atom) if name in self._items]
             if any(name in poses.missing for name in about):
                 if not poses.lumps and not holds_unknown:
-                    told[atom] = ABSENT if self._may_be_hidden(atom) else IN_VIEW
+                    # Where a camera is left out, nothing may hide what nothing looks at.
+                    told[atom] = ABSENT if poses.left_out or self._may_be_hidden(atom) else IN_VIEW
             elif not about and holds_unknown:
                 continue
             elif all(poses.poses[name].source != "remembered" for name in about):

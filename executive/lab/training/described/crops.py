@@ -1,4 +1,4 @@
-"""Parts of pictures around objects: small ones fill a twentieth of a picture, and the rest teaches little."""
+"""Parts of pictures around objects: small ones fill little of a picture, and the rest teaches little."""
 
 from __future__ import annotations
 

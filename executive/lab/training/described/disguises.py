@@ -18,7 +18,7 @@ RECOLOURED, COARSE = 0.55, 0.15
 """The shares of pictures in other colours, and of those in which only colours are left."""
 
 _COARSEST = (5, 9)
-"""Pixels of a picture's side of 256 that are one: a block is 14 to 25 wide."""
+"""Pixels of a picture's side of 256 that are one: a small block is little wider than two or three of these."""
 
 Pictures = np.ndarray[Any, np.dtype[np.uint8]]
 
