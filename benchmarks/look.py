@@ -61,6 +61,12 @@ class _Taken(NamedTuple):
     cpu: float
 
 
+def next_look(world: MujocoWorld) -> Observation:
+    """A look a moment after the last one: of the same moment, pictures are not drawn again."""
+    world.advance()
+    return world.observe()
+
+
 def main() -> None:
     from executive.util import requirements
 
@@ -89,9 +95,9 @@ def _quiet_and_busy(arguments: argparse.Namespace) -> dict[str, float]:
     load, quiet, busy = os.getloadavg()[0], list[_Taken](), list[_Taken]()
     with _opened(arguments.domain, arguments.vlm) as (ask, world):
         for _ in range(_ROUNDS):
-            quiet += _timed(lambda: ask(world.observe()), max(1, arguments.looks // _ROUNDS))
+            quiet += _timed(lambda: ask(next_look(world)), max(1, arguments.looks // _ROUNDS))
             with _beside_busy(arguments.busy):
-                busy += _timed(lambda: ask(world.observe()), max(1, arguments.looks // _ROUNDS))
+                busy += _timed(lambda: ask(next_look(world)), max(1, arguments.looks // _ROUNDS))
     return {
         "load of the machine before": load,
         "quiet look": _median(quiet),
@@ -114,7 +120,7 @@ def _here_and_there(arguments: argparse.Namespace) -> dict[str, float]:
         seen = world.observe()
         mine, other = ask(seen).probability, ask_there(seen).probability
         for _ in range(max(1, arguments.looks)):
-            here += _timed(lambda: ask(world.observe()), 1)
+            here += _timed(lambda: ask(next_look(world)), 1)
             there += _timed(lambda: ask_there(world.observe()), 1)
     return {
         "load of the machine before": load,
@@ -147,13 +153,13 @@ def _load(domain: str, vlm: str) -> tuple[float, float]:
 
 def _looks(name: str, vlm: str | None, count: int) -> dict[str, float]:
     with _opened(name, vlm) as (ask, world):
-        # Always other pictures, if only by their noise: nothing that an estimator keeps of a picture is to help it.
-        others = iter([world.observe() for _ in range(count)])
-        first = world.observe()
+        # Always other pictures: nothing that an estimator keeps of a picture is to help it.
+        others = iter([next_look(world) for _ in range(count)])
+        first = next_look(world)
         return {
-            f"draw {len(first.images)} pictures": _median(_timed(world.observe, count)),
+            f"draw {len(first.images)} pictures": _median(_timed(lambda: next_look(world), count)),
             f"answer {len(ask(first).probability)} questions": _median(_timed(lambda: ask(next(others)), count)),
-            "whole look": _median(_timed(lambda: ask(world.observe()), count)),
+            "whole look": _median(_timed(lambda: ask(next_look(world)), count)),
         }
 
 
