@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from executive.lab.training.optimiser import Metrics
     from executive.lab.training.stages import Trainer
 
+_VARIED = 20
+"""Steps of the first stage that are timed: they may take times that are far apart."""
+
 Writer = Callable[[int, ReportProgress], None]
 """Writes the shard of a number."""
 
@@ -79,7 +82,7 @@ def measure(
         states = pictures.states()
         return Pace(
             moment,
-            tower=_seconds(lambda: made.vision_loss(pictures, rng)),
+            tower=_seconds(lambda: made.vision_loss(pictures, rng), _VARIED),
             language=_seconds(lambda: made.language_loss(states, rng, 0.3)),
             together=_seconds(lambda: made.answer_loss(pictures, rng, 0.1)),
             fewer=_seconds(lambda: made.answer_loss(pictures, rng, 0.0, fewer=True)),
@@ -96,11 +99,11 @@ class _Made:
         return WritingTimer(self._writer, self._folder)
 
 
-def _seconds(step: Callable[[], tuple[torch.Tensor, Metrics]]) -> float:
+def _seconds(step: Callable[[], tuple[torch.Tensor, Metrics]], count: int = 3) -> float:
     import torch
 
     taken = []
-    for _ in range(3):
+    for _ in range(count):
         began = time.perf_counter()
         loss, _ = step()
         torch.autograd.backward(loss)

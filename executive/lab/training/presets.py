@@ -101,6 +101,11 @@ class Preset:
             **{stage: getattr(self, stage).scaled(share) for stage in ("tower", "language", "together", "fewer")},
         )
 
+    def in_parts(self) -> Preset:
+        """The training for objects that are described: most steps of its first stage show small parts of pictures,
+        take a fraction of the time, and are many times as many."""
+        return replace(self, tower=replace(self.tower, steps=_PARTS * self.tower.steps, rate=0.5 * self.tower.rate))
+
     def warmed(self, cameras: int, alike: bool = True) -> Preset:
         """The training that starts from a model that was trained before. What is new to that is this domain's
         pictures and words, and not how to see and to look words up. One that is not `alike` knows how to see alone.
@@ -137,6 +142,9 @@ class Preset:
             raise ValueError(f"of what it needs, only {share:.1%} would be left")
         return self if share == 1.0 else self.scaled(share)
 
+
+_PARTS = 12
+"""How many times as many."""
 
 _WARM = {"tower": 0.3, "language": 0.4, "together": 0.4, "fewer": 0.4}
 """The share of the steps of each stage that a training takes which does not start from nothing."""

@@ -66,6 +66,8 @@ class Training:
         checked_stage(self.domain)
         self.cameras = len(read_scene(self.domain.scene).cameras)
         self._space = self._described_space()
+        if self._space is not None:
+            self._whole = self._whole.in_parts()
         self._start = None if config.start is None else warm_start.find(config.start)
         if self._start is not None:
             warm_start.check(self._start, self._whole.size, config.recipe)

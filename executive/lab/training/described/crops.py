@@ -8,10 +8,11 @@ import numpy as np
 
 Array = np.ndarray[Any, Any]
 
-CELLS = 8
-"""Cells of the vision encoder's grid along the side of a part: a tower of five blocks, and what is beside it."""
+CELLS = 4
+"""Cells of the vision encoder's grid along the side of a part: a block, what it is on, and what is on it. Many small
+steps teach more than few large ones: what a block is made of is found after some thousand, and not before."""
 
-_OFF = 3
+_OFF = 1
 """Cells by which an object may be off the middle."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -17,17 +18,26 @@ from executive.lab.training.vision_encoder import FEWEST
 MASK = 96
 """The side of a mask, in pixels: small objects are told from each other by it."""
 
+_CLEAR = 20
+"""The mask pixels of an object from which on its values are to be told."""
+
 _FULL = 0.2
 """The share of a cell from which on an object counts in it as much as one that fills it."""
 
 
 class Dense(nn.Module):
     """The linear heads on the cells of the encoder's last stage, which read the channels of the objects that a cell
-    shows, and on those of the stage before, half as wide, which read values alone."""
+    shows, and on those of the stage before, half as wide, which read values alone.
+
+    A cell that shows a sliver of a block cannot say what it is; what all cells say that show the block, each by how
+    much of it, has to be right (`named`). That is how answers are read off them, too.
+    """
 
     def __init__(self, size: ModelSize, space: DescribedSpace) -> None:
         super().__init__()
         self._values = len(space.values)
+        ends = list(accumulate(map(len, space.attributes.values())))
+        self._attributes = [slice(first, end) for first, end in zip([0, *ends], ends, strict=False)]
         self.cells = nn.Conv2d(size.widths[-1], space.size, 1)
         self.halves = nn.Conv2d(size.widths[-2], self._values, 1)
 
@@ -61,18 +71,32 @@ class Dense(nn.Module):
         )
         clear = (pixels >= FEWEST).float()
         there = clear.amax(1, keepdim=True)
-        own = torch.einsum("bkhw,bkv->bvhw", clear, channels[..., : self._values]).clamp_max(1.0)
-        missed = functional.binary_cross_entropy_with_logits(out[:, : self._values], own, reduction="none")
-        named = (missed * there * values).sum() / ((there * values).sum() + 1.0)
         true = torch.einsum("bkhw,bkv->bvhw", clear, channels[..., self._values :]).clamp_max(1.0)
         wrong = functional.binary_cross_entropy_with_logits(out[:, self._values :], true, reduction="none")
         known = (wrong * there * others).sum() / ((there * others).sum() + 1.0)
-        finer = torch.einsum("bkhw,bkv->bvhw", shown(masks, channels.shape[1], 2 * grid), channels[..., : self._values])
+        finer = shown(masks, channels.shape[1], 2 * grid)
+        amount = torch.einsum("bkhw,bkv->bvhw", finer, channels[..., : self._values])
         read = self.halves(before.float())
-        halves = functional.binary_cross_entropy_with_logits(read, (finer >= 1).float(), values.expand_as(read))
+        halves = functional.binary_cross_entropy_with_logits(read, (amount >= 1).float(), values.expand_as(read))
+        named = self._named(out, pixels, channels, told) + self._named(read, finer, channels, told)
         losses = {"seen": seen, "named": named, "known": known, "finer": halves}
-        total = 5.0 * seen + 4.0 * named + 2.0 * known + 2.0 * halves
+        total = 5.0 * seen + named + 2.0 * known + 2.0 * halves
         return total, {name: float(loss.detach()) for name, loss in losses.items()}
+
+    def _named(
+        self, read: torch.Tensor, pixels: torch.Tensor, channels: torch.Tensor, told: torch.Tensor
+    ) -> torch.Tensor:
+        """The cross-entropy of each attribute's value, read (B, V, G, G) off the cells that show an object, weighed by
+        how many `pixels` (B, K, G, G) of it they show; the sum over attributes, the mean over objects."""
+        each = pixels.sum((2, 3))
+        means = torch.einsum("bkhw,bvhw->bkv", pixels, read) / each.clamp_min(1.0)[..., None]
+        loss = read.new_zeros(())
+        for of in self._attributes:
+            own = channels[..., of]
+            counts = (each >= _CLEAR) * own.amax(2) * told[:, None, of.start]
+            missed = functional.cross_entropy(means[..., of].flatten(0, 1), own.argmax(2).flatten(), reduction="none")
+            loss = loss + (missed.view_as(counts) * counts).sum() / (counts.sum() + 1.0)
+        return loss
 
 
 _GAIN = 8.0
