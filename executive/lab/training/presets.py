@@ -143,7 +143,7 @@ class Preset:
         return self if share == 1.0 else self.scaled(share)
 
 
-_PARTS = 12
+_PARTS = 8
 """How many times as many."""
 
 _WARM = {"tower": 0.3, "language": 0.4, "together": 0.4, "fewer": 0.4}

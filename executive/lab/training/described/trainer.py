@@ -27,9 +27,9 @@ from executive.s3e.questions import prompts
 from executive.s3e.questions.templates import Templates, generic, load_instructions
 from executive.sim.spec import read_scene
 
-_CLOSE, _PARTS = 0.9, 4
+_CLOSE, _PARTS = 0.95, 3
 """The share of steps that show parts of pictures around objects, and how many there are in place of a whole one: they
-take a quarter of the time, and show as many objects."""
+take a quarter of the time, and show nearly as many objects."""
 
 
 class DescribedTrainer(Trainer):
