@@ -147,7 +147,7 @@ def measure_depth(domain: Domain, first: int, scenes: int) -> None:
         def rest(world: MujocoWorld, seed: int = seed) -> None:
             world.localizer = world.localizer or open_localizer(world, models=models, known=known)
             facts = Truth(world, domain.relations, domain.task.parameters).of(domain.task.atoms)
-            told = DepthWitness(world, EstimatedScenes(models, known), kinds).testify(world.sense(), domain.task.atoms)
+            told = DepthWitness(world, EstimatedScenes(models, known), kinds).told(domain.task.atoms)
             missing = set(world.localizer.now().missing)
             hidden = domain.task.visibility.hidden(facts)  # a run asks nobody about these
             for atom in (atom for atom in domain.task.atoms if atom not in hidden):

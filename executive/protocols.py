@@ -27,6 +27,7 @@ from executive.types import (
     SearchOrder,
     SkillResult,
     Step,
+    Testimony,
     Watched,
 )
 
@@ -83,8 +84,9 @@ class Witness(Protocol):
     @property
     def name(self) -> str: ...
 
-    def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
-        """Return the probability of each of the atoms that it can tell of at this moment."""
+    def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Testimony:
+        """Return the probability of each of the atoms that it can tell of at this moment, and which of them it alone
+        can tell."""
         ...
 
 

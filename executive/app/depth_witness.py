@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -10,9 +10,10 @@ from executive.app.identity import names_identical, over_identities
 from executive.belief import ErrorModel, SensorModel, WitnessModel
 from executive.perception import EstimatedScenes
 from executive.relations.kinds import RelationKind
+from executive.relations.scene import Scene
 from executive.sim import footprint
 from executive.sim.world import MujocoWorld
-from executive.types import Atom, Observation
+from executive.types import Atom, Observation, PosesEstimated, Testimony
 
 NAME = "depth"
 
@@ -62,13 +63,17 @@ class DepthWitness:
         self._items = set(world.items)
         self._hidden_at, self._hidden = float("nan"), dict[tuple[str, str], bool]()
 
-    def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
-        """Return how probable atoms are; those about identical items only where these are marked."""
+    def testify(self, observation: Observation, atoms: Sequence[Atom]) -> Testimony:
+        """Return how probable atoms are; those about identical items only where these are marked. It alone can tell on
+        which of two tables something is that lies across the edges of both."""
+        now = self._now()
+        if now is None:
+            return Testimony({})
         about_twins = [atom for atom in atoms if names_identical(atom, self._identical)]
-        told = dict(self.told([atom for atom in atoms if atom not in about_twins]))
-        if self._is_marked and about_twins and self._world.localizer is not None:
-            told |= over_identities(about_twins, self.told, self._world.localizer.now(), self._identical)
-        return told
+        told = self._told([atom for atom in atoms if atom not in about_twins], *now)
+        if self._is_marked and about_twins:
+            told |= over_identities(about_twins, self.told, now[0], self._identical)
+        return Testimony(told, self._across_edges(told, now[1]))
 
     def told(self, atoms: Sequence[Atom]) -> Mapping[Atom, float]:
         """Return the share of the scenes that are drawn from what is estimated in which each atom is true, if items are
@@ -78,11 +83,18 @@ class DepthWitness:
         there is something that may be it, and least of all on a table on which everything is in view. Where the fingers
         hold something and nobody knows what, there is none about the hand, nor about what is seen nowhere.
         """
+        now = self._now()
+        return {} if now is None else self._told(atoms, *now)
+
+    def _now(self) -> tuple[PosesEstimated, Sequence[Scene]] | None:
+        """Return what is estimated at this moment, and scenes that are drawn from it."""
         world = self._world
         if world.localizer is None or self._scenes is None:
-            return {}
+            return None
         poses = world.localizer.now()
-        scenes = self._scenes.drawn(poses, world.joints(), world.gripper_joints(), world.gripper_width())
+        return poses, self._scenes.drawn(poses, world.joints(), world.gripper_joints(), world.gripper_width())
+
+    def _told(self, atoms: Sequence[Atom], poses: PosesEstimated, scenes: Sequence[Scene]) -> dict[Atom, float]:
         holds_unknown = scenes[0].feels and all(pose.source != "held" for pose in poses.poses.values())
         told = {}
         for atom in atoms:
@@ -99,6 +111,21 @@ class DepthWitness:
             elif all(poses.poses[name].source != "remembered" for name in about):
                 told[atom] = sum(kind.holds(scene, atom) for scene in scenes) / len(scenes)
         return told
+
+    def _across_edges(self, atoms: Iterable[Atom], scenes: Sequence[Scene]) -> frozenset[Atom]:
+        """Return those of the atoms that say on which of several tables an item is that carry it together."""
+        found, carriers = set(), dict[str, set[str]]()
+        for atom in atoms:
+            kind = self._kinds[atom.predicate]
+            if kind.name != "on":
+                continue
+            item, table = kind.about(atom)
+            if item not in carriers:
+                there = [set(scene.supports(item)) for scene in scenes if item in scene.items]
+                carriers[item] = set().union(*(each for each in there if len(each) > 1))
+            if table in carriers[item]:
+                found.add(atom)
+        return frozenset(found)
 
     def _may_be_hidden(self, atom: Atom) -> bool:
         """Whether what an atom says would be hidden from the cameras, or is not about a table."""

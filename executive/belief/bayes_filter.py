@@ -487,11 +487,8 @@ class BayesMonitor:
 
 def _only(raw: Belief, atoms: Collection[Atom]) -> Belief:
     """Return the answers about these atoms; the others count as unanswered."""
-    left = {atom: value for atom, value in raw.probability.items() if atom in atoms}
-    evidence = {atom: each for atom, each in raw.evidence.items() if atom in atoms}
-    unanswered = raw.unanswered | (raw.probability.keys() - left.keys())
     witnesses = {name: {a: told for a, told in each.items() if a in atoms} for name, each in raw.witnesses.items()}
-    return replace(raw, probability=left, unanswered=unanswered, evidence=evidence, witnesses=witnesses)
+    return replace(raw.without(raw.probability.keys() - atoms), witnesses=witnesses)
 
 
 def _log_odds(probability: float) -> float:

@@ -191,7 +191,7 @@ class CameraObserver:
             if self._witness is not None:
                 about = [atom for atoms in close.values() for atom in atoms]
                 told = self._witness.testify(observation, about)
-                answers = replace(answers, witnesses={self._witness.name: told})
+                answers = replace(answers.without(told.alone), witnesses={self._witness.name: told.probability})
         atoms_there_are = len(run_state.task.atoms)
         whole = kind is LookKind.FOCUSED and sum(map(len, close.values())) == atoms_there_are
         return self._report(observation, answers, LookKind.FULL if whole else kind, good, atoms_there_are)

@@ -234,7 +234,7 @@ class _Estimator:
                     time.sleep(seconds)
                 case "silent":
                     self._faults.bite(place, f"no answer about {_listed(about)}")
-                    belief = _silenced(belief, about)
+                    belief = belief.without(about)
                 case _:
                     self._faults.bite(place, f"the opposite is answered about {_listed(about)}")
                     belief = _turned_round(belief, about)
@@ -251,12 +251,6 @@ class _AskingEstimator(_Estimator):
         asking: Any = self._estimator
         questions: Questions = asking.questions
         return questions
-
-
-def _silenced(belief: Belief, about: Collection[Atom]) -> Belief:
-    kept = {atom: value for atom, value in belief.probability.items() if atom not in about}
-    evidence = {atom: answers for atom, answers in belief.evidence.items() if atom not in about}
-    return replace(belief, probability=kept, unanswered=belief.unanswered | frozenset(about), evidence=evidence)
 
 
 def _turned_round(belief: Belief, about: Collection[Atom]) -> Belief:

@@ -37,6 +37,7 @@ from executive.types.observations import (
     PictureFault,
     Questions,
     Remembered,
+    Testimony,
     Verdict,
 )
 from executive.types.scenes import (
@@ -120,6 +121,7 @@ __all__ = [
     "Started",
     "Step",
     "Task",
+    "Testimony",
     "Timing",
     "Verdict",
     "Visibility",

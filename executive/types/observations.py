@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -112,6 +113,14 @@ class Evidence:
         return max(0.0, 1.0 - self.yes_mass - self.no_mass)
 
 
+class Testimony(NamedTuple):
+    """What a witness tells at one look: how probable atoms are, and which of them it alone can tell, and no picture, so
+    that what the estimator answers about these does not count."""
+
+    probability: Mapping[Atom, float]
+    alone: frozenset[Atom] = frozenset()
+
+
 @dataclass(frozen=True, slots=True)
 class Belief:
     """The probability of each atom after one look.
@@ -148,6 +157,13 @@ class Belief:
     def certain(cls, facts: Mapping[Atom, bool], observation_id: int = -1, source: str = "assumed") -> Belief:
         """Return the belief that `facts` hold with certainty."""
         return cls(observation_id, {atom: float(value) for atom, value in facts.items()}, source=source)
+
+    def without(self, atoms: Collection[Atom]) -> Belief:
+        """Return the same with these atoms unanswered, as far as they were asked about."""
+        kept = {atom: value for atom, value in self.probability.items() if atom not in atoms}
+        evidence = {atom: each for atom, each in self.evidence.items() if atom not in atoms}
+        unanswered = self.unanswered | (self.probability.keys() - kept.keys())
+        return replace(self, probability=kept, unanswered=unanswered, evidence=evidence)
 
     def truth(self, atom: Atom, low: float = 0.5, high: float = 0.5) -> bool | None:
         """Return True at or above `high`, False below `low`, and None in between or without an answer."""

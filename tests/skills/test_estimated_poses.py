@@ -134,14 +134,14 @@ def test_depth_tells_of_atoms_as_the_truth_has_them() -> None:
         Atom("robot-gripper-empty"),
     ]
     truth = Truth(world, MEANING)
-    told = witness.testify(world.sense(), atoms)
+    told = witness.testify(world.sense(), atoms).probability
     assert {atom: round(value) for atom, value in told.items()} == dict(truth.of(atoms))
     world.put("lemon", np.array([0.0, 0.0, 30.0, 1.0, 0.0, 0.0, 0.0]))
     world.settle(0.1)
-    told = witness.testify(world.sense(), atoms)
+    told = witness.testify(world.sense(), atoms).probability
     assert {told[atom] for atom in atoms if "lemon" in atom.args} <= {ABSENT, IN_VIEW}
     world.localizer = None
-    assert witness.testify(world.sense(), atoms) == {}
+    assert witness.testify(world.sense(), atoms).probability == {}
 
 
 def behind_the_box(monkeypatch: pytest.MonkeyPatch) -> Robot:

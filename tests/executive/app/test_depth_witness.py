@@ -45,4 +45,21 @@ def test_it_tells_what_it_can(poses: PosesEstimated, width: float, told: dict[At
         gripper_width=lambda: width,
     )
     look: Any = None
-    assert DepthWitness(world, SCENES, KINDS).testify(look, [RIGHT, HELD, FREE]) == told
+    assert DepthWitness(world, SCENES, KINDS).testify(look, [RIGHT, HELD, FREE]).probability == told
+
+
+@pytest.mark.parametrize(("x", "alone"), [(0.2, False), (0.03, True), (-0.03, True), (-0.2, False)])
+def test_it_alone_tells_on_which_of_two_tables_something_is_that_lies_across_their_edges(x: float, alone: bool) -> None:
+    left = Atom("at", ("box", "left"))
+    world: Any = SimpleNamespace(
+        items=("box",),
+        spec=SimpleNamespace(tables=()),
+        localizer=SimpleNamespace(now=lambda: seen(x=x)),
+        joints=lambda: np.zeros(6),
+        gripper_joints=lambda: np.zeros(6),
+        gripper_width=lambda: OPEN,
+    )
+    look: Any = None
+    told = DepthWitness(world, SCENES, KINDS).testify(look, [RIGHT, left, HELD])
+    assert told.probability == {RIGHT: float(x > 0.0), left: float(x < 0.0), HELD: 0.0}
+    assert told.alone == ({RIGHT, left} if alone else set())

@@ -32,7 +32,7 @@ def named(said: dict[tuple[int, int], str]) -> float:
     halves = read[:, :count].repeat_interleave(2, 2).repeat_interleave(2, 3)
     dense.halves = torch.nn.Identity()  # type: ignore[assignment]
     channels = torch.from_numpy(own.channels().astype(np.float32))
-    return dense(read, halves, masks, channels)[1]["named"]
+    return float(dense(read, halves, masks, channels)[1]["named"])
 
 
 def test_what_a_sliver_of_an_object_says_counts_little_and_what_most_of_it_says_counts_most() -> None:
