@@ -105,8 +105,8 @@ class Run:
         self.config = config
         if folder is None:
             check_folder(config)
-        if config.viewer:
-            from executive.trace.viewer.preload import preload
+        if config.viewer and view is not None:
+            from executive.trace.viewer.late_sink import preload
 
             preload()
         log = None if folder is None else EventLog(folder, self._stop_recording_failed)  # locks the folder
@@ -195,8 +195,6 @@ class Run:
 
     def _warm_up(self) -> None:
         """Do what the first look and the first step would do first, while the model loads."""
-        if self.config.viewer:
-            import executive.trace.viewer.sink  # noqa: F401 (loaded while the model is)
         parts: tuple[object, ...] = (self.world, *self._stage.skills.values(), *self._stage.moves.values())
         for part in parts:
             if isinstance(part, Warming):
@@ -249,10 +247,14 @@ class Run:
             FrameLog(self.folder),
             self._collector,
         ]
-        if config.viewer:
+        if config.viewer and view is not None:
             from executive.trace.viewer.sink import RerunSink
 
             recorders.append(RerunSink(self.folder, view, thresholds(self.monitor)))
+        elif config.viewer:
+            from executive.trace.viewer.late_sink import LateSink
+
+            recorders.append(LateSink(self.folder, thresholds(self.monitor)))
         if self.monitor is not None:
             monitor_file.save(self.folder, self.monitor)
         self._sinks = (*recorders, *sinks)
