@@ -26,8 +26,7 @@ from executive.lab.training.scene_sampler import Moment, SceneSampler
 from executive.sim import scene
 from executive.sim.initial_state import InitialState
 from executive.sim.relighting import Lights, Relighting, Shift
-from executive.sim.rendering import make_renderer
-from executive.sim.spec import ItemSpec
+from executive.sim.spec import CameraSpec, ItemSpec
 from executive.types import FloatArray
 
 _PLAIN_SHARE = 0.35
@@ -66,12 +65,6 @@ class ImageSampler:
         self.cameras = [camera for camera in world.spec.cameras if cameras is None or camera.name in cameras]
         self._side = side
         self._mask = mask
-        # A picture is squeezed into a square, and a mask of the same camera, too: each shape has a renderer.
-        widths = {camera.name: round(mask * camera.width / camera.height) for camera in self.cameras}
-        of_width = {width: make_renderer(world.model, mask, width) for width in sorted(set(widths.values()))}
-        self._small = {name: of_width[width] for name, width in widths.items()}
-        for renderer in of_width.values():
-            renderer.enable_segmentation_rendering()
         items = sorted([*world.shapes, *world.drawers.specs])  # as in `LabelSpace`
         roots = {world.model.body(item).id: index + 1 for index, item in enumerate(items)}
         owner = [roots.get(int(world.model.body_rootid[body]), 0) for body in world.model.geom_bodyid]
@@ -100,8 +93,6 @@ class ImageSampler:
         scene.paint(self._relighting.model, item)
 
     def close(self) -> None:
-        for renderer in set(self._small.values()):
-            renderer.close()
         self._relighting.close()
         self._sampler.close()
 
@@ -118,17 +109,14 @@ class ImageSampler:
                 whole = self._relighting.drawing.picture(self._relighting.data, camera)
                 size = (self._side, self._side)
                 pictures.append(np.asarray(Image.fromarray(whole).resize(size, Image.Resampling.BILINEAR)))
-                items.append(self._items(camera.name))
+                items.append(self._items(camera))
         return np.stack(pictures), np.stack(items)
 
-    def _items(self, camera: str) -> np.ndarray[Any, Any]:
-        """Which item each pixel of a camera's mask shows."""
-        renderer = self._small[camera]
-        renderer.update_scene(self._relighting.data, camera, _visible())
-        shown = renderer.render()
-        geoms = np.where(shown[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, shown[..., 0], -1)
-        columns = ((np.arange(self._mask) + 0.5) * renderer.width / self._mask).astype(int)
-        return np.asarray(self._owner[geoms[:, columns]])
+    def _items(self, camera: CameraSpec) -> np.ndarray[Any, Any]:
+        """Which item each pixel of a camera's mask shows; it is squeezed into a square as its picture is."""
+        geoms = self._relighting.drawing.geoms(self._relighting.data, camera)
+        rows, columns = (((np.arange(self._mask) + 0.5) * side / self._mask).astype(int) for side in geoms.shape)
+        return np.asarray(self._owner[geoms[np.ix_(rows, columns)]])
 
 
 def write_shard(folder: Path, number: int, arrays: Mapping[str, np.ndarray[Any, Any]]) -> None:
@@ -189,13 +177,6 @@ def shards(folder: Path) -> list[int]:
 
 def shard_folder(folder: Path, number: int) -> Path:
     return folder / f"shard-{number:04d}"
-
-
-def _visible() -> mujoco.MjvOption:
-    options = mujoco.MjvOption()
-    options.geomgroup[:] = 0
-    options.geomgroup[scene.VISUAL] = options.geomgroup[scene.ITEM] = 1
-    return options
 
 
 @contextmanager

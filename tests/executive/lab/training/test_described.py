@@ -258,7 +258,7 @@ def test_masks_lie_on_what_they_label_wherever_it_is_in_a_picture_that_is_wider_
         world.put(name, np.array([x, y, 0.85, 1.0, 0.0, 0.0, 0.0]))
     with sampler._relighting.set_up(world.data.qpos.copy(), None, {}):
         whole = sampler._relighting.drawing.picture(data, world.spec.cameras[0])
-        mask = sampler._items("front")
+        mask = sampler._items(world.spec.cameras[0])
     sampler.close()
     pixels = np.asarray(Picture.fromarray(whole).resize(mask.shape, Picture.Resampling.BOX)).astype(int)
     for number, channel in enumerate((2, 1, 0), start=1):  # in the order of their names: blue, green, red
