@@ -8,7 +8,7 @@ import numpy as np
 
 Array = np.ndarray[Any, Any]
 
-CELLS = 4
+CELLS = 5
 """Cells of the vision encoder's grid along the side of a part: a block, what it is on, and what is on it. Many small
 steps teach more than few large ones: what a block is made of is found after some thousand, and not before."""
 

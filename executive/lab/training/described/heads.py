@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -21,6 +22,9 @@ MASK = 96
 _CLEAR = 20
 """The mask pixels of an object from which on its values are to be told."""
 
+_EDGE = 4
+"""Mask pixels from the edge of what is shown, within which an object's surroundings may be out of view."""
+
 _FULL = 0.2
 """The share of a cell from which on an object counts in it as much as one that fills it."""
 
@@ -30,14 +34,17 @@ class Dense(nn.Module):
     shows, and on those of the stage before, half as wide, which read values alone.
 
     A cell that shows a sliver of a block cannot say what it is; what all cells say that show the block, each by how
-    much of it, has to be right (`named`). That is how answers are read off them, too.
+    much of it, has to be right (`named`), and what they say of what it is on, and of what is on it (`related`). That is
+    how answers are read off them, too.
     """
 
     def __init__(self, size: ModelSize, space: DescribedSpace) -> None:
         super().__init__()
         self._values = len(space.values)
         ends = list(accumulate(map(len, space.attributes.values())))
-        self._attributes = [slice(first, end) for first, end in zip([0, *ends], ends, strict=False)]
+        self._own = [slice(first, end) for first, end in zip([0, *ends], ends, strict=False)]
+        starts = range(self._values + len(space.unary), space.size, self._values)
+        self._related = [slice(start + of.start, start + of.stop) for start in starts for of in self._own]
         self.cells = nn.Conv2d(size.widths[-1], space.size, 1)
         self.halves = nn.Conv2d(size.widths[-2], self._values, 1)
 
@@ -69,7 +76,8 @@ class Dense(nn.Module):
             (amount >= 1).float(),
             weight=values * torch.where((amount > 0) & (amount < FEWEST), 0.3, 1.0),
         )
-        clear = (pixels >= FEWEST).float()
+        inner = ~at_edge(masks, channels.shape[1])
+        clear = (pixels >= FEWEST).float() * inner[..., None, None]
         there = clear.amax(1, keepdim=True)
         true = torch.einsum("bkhw,bkv->bvhw", clear, channels[..., self._values :]).clamp_max(1.0)
         wrong = functional.binary_cross_entropy_with_logits(out[:, self._values :], true, reduction="none")
@@ -78,25 +86,44 @@ class Dense(nn.Module):
         amount = torch.einsum("bkhw,bkv->bvhw", finer, channels[..., : self._values])
         read = self.halves(before.float())
         halves = functional.binary_cross_entropy_with_logits(read, (amount >= 1).float(), values.expand_as(read))
-        named = self._named(out, pixels, channels, told) + self._named(read, finer, channels, told)
-        losses = {"seen": seen, "named": named, "known": known, "finer": halves}
-        total = 5.0 * seen + named + 2.0 * known + 2.0 * halves
+        shows = torch.ones_like(inner)
+        named = _told(out, pixels, channels, told, self._own, shows) + _told(
+            read, finer, channels, told, self._own, shows
+        )
+        related = _told(out, pixels, channels, told, self._related, inner)
+        losses = {"seen": seen, "named": named, "known": known, "related": related, "finer": halves}
+        total = 5.0 * seen + named + 2.0 * known + related + 2.0 * halves
         return total, {name: float(loss.detach()) for name, loss in losses.items()}
 
-    def _named(
-        self, read: torch.Tensor, pixels: torch.Tensor, channels: torch.Tensor, told: torch.Tensor
-    ) -> torch.Tensor:
-        """The cross-entropy of each attribute's value, read (B, V, G, G) off the cells that show an object, weighed by
-        how many `pixels` (B, K, G, G) of it they show; the sum over attributes, the mean over objects."""
-        each = pixels.sum((2, 3))
-        means = torch.einsum("bkhw,bvhw->bkv", pixels, read) / each.clamp_min(1.0)[..., None]
-        loss = read.new_zeros(())
-        for of in self._attributes:
-            own = channels[..., of]
-            counts = (each >= _CLEAR) * own.amax(2) * told[:, None, of.start]
-            missed = functional.cross_entropy(means[..., of].flatten(0, 1), own.argmax(2).flatten(), reduction="none")
-            loss = loss + (missed.view_as(counts) * counts).sum() / (counts.sum() + 1.0)
-        return loss
+
+def _told(
+    read: torch.Tensor,
+    pixels: torch.Tensor,
+    channels: torch.Tensor,
+    told: torch.Tensor,
+    attributes: Sequence[slice],
+    counted: torch.Tensor,
+) -> torch.Tensor:
+    """The cross-entropy of what is read (B, H, G, G) off the cells that show an object, weighed by how many `pixels`
+    (B, K, G, G) of it they show: the sum over attributes, the mean over those of the `counted` (B, K) objects of which
+    an attribute has one value."""
+    each = pixels.sum((2, 3))
+    means = torch.einsum("bkhw,bvhw->bkv", pixels, read) / each.clamp_min(1.0)[..., None]
+    loss = read.new_zeros(())
+    for of in attributes:
+        true = channels[..., of]
+        counts = ((each >= _CLEAR) & counted & (true.sum(2) == 1.0)) * told[:, None, of.start]
+        missed = functional.cross_entropy(means[..., of].flatten(0, 1), true.argmax(2).flatten(), reduction="none")
+        loss = loss + (missed.view_as(counts) * counts).sum() / (counts.sum() + 1.0)
+    return loss
+
+
+def at_edge(masks: torch.Tensor, objects: int) -> torch.Tensor:
+    """Which objects (B, K) reach the edge of what masks (B, M, M) show: what they are on may be out of view."""
+    band = masks.clone()
+    band[:, _EDGE:-_EDGE, _EDGE:-_EDGE] = 0
+    reached = torch.zeros(len(masks), objects + 1, dtype=torch.bool, device=masks.device)
+    return reached.scatter_(1, band.flatten(1).long(), value=True)[:, 1:]
 
 
 _GAIN = 8.0

@@ -27,7 +27,7 @@ from executive.s3e.questions import prompts
 from executive.s3e.questions.templates import Templates, generic, load_instructions
 from executive.sim.spec import read_scene
 
-_CLOSE, _PARTS = 0.95, 3
+_CLOSE, _PARTS = 0.95, 2
 """The share of steps that show parts of pictures around objects, and how many there are in place of a whole one: they
 take a quarter of the time, and show nearly as many objects."""
 
