@@ -12,8 +12,9 @@ from executive.perception import EstimatedScenes
 from executive.relations.kinds import RelationKind
 from executive.relations.scene import Scene
 from executive.sim import footprint
+from executive.sim.spec import TableSpec
 from executive.sim.world import MujocoWorld
-from executive.types import Atom, Observation, PosesEstimated, Testimony
+from executive.types import Atom, Lump, Observation, PosesEstimated, Testimony
 
 NAME = "depth"
 
@@ -80,7 +81,8 @@ class DepthWitness:
         what they go by.
 
         There is no answer about what is hidden and only remembered. What is seen nowhere is hardly on anything, unless
-        there is something that may be it, and least of all on a table on which everything is in view. Where the fingers
+        there is something that may be it, and least of all on a table on which everything is in view: what may be it is
+        on one table and on no other. Where the fingers
         hold something and nobody knows what, there is none about the hand, nor about what is seen nowhere.
         """
         now = self._now()
@@ -103,7 +105,7 @@ class DepthWitness:
                 continue
             about = [name for name in kind.about(atom) if name in self._items]
             if any(name in poses.missing for name in about):
-                if not poses.lumps and not holds_unknown:
+                if not holds_unknown and not self._may_be_one_of(poses.lumps, atom):
                     # Where a camera is left out, nothing may hide what nothing looks at.
                     told[atom] = ABSENT if poses.left_out or self._may_be_hidden(atom) else IN_VIEW
             elif not about and holds_unknown:
@@ -127,19 +129,35 @@ class DepthWitness:
                 found.add(atom)
         return frozenset(found)
 
-    def _may_be_hidden(self, atom: Atom) -> bool:
-        """Whether what an atom says would be hidden from the cameras, or is not about a table."""
-        localizer, tables = self._world.localizer, {table.name: table for table in self._world.spec.tables}
+    def _item_on_table(self, atom: Atom) -> tuple[str, TableSpec] | None:
+        """Return the item and the table that an atom is about; None if it is about anything else."""
+        tables = {table.name: table for table in self._world.spec.tables}
         items = [name for name in atom.args if name in self._items]
         on = [tables[name] for name in atom.args if name in tables]
-        if localizer is None or len(items) != 1 or len(on) != 1:
+        return (items[0], on[0]) if len(items) == len(on) == 1 else None
+
+    def _may_be_one_of(self, lumps: Sequence[Lump], atom: Atom) -> bool:
+        """Whether something unknown stands where an atom says that an item is."""
+        found = self._item_on_table(atom)
+        if found is None:
+            return bool(lumps)
+        table = found[1]
+        across = np.array([[np.cos(table.yaw), np.sin(table.yaw)], [-np.sin(table.yaw), np.cos(table.yaw)]])
+        beyond = (np.abs(across @ (lump.centre - table.centre)[:2]) - 0.5 * np.array(table.size[:2]) for lump in lumps)
+        return any((over < float(np.hypot(*lump.half[:2]))).all() for over, lump in zip(beyond, lumps, strict=True))
+
+    def _may_be_hidden(self, atom: Atom) -> bool:
+        """Whether what an atom says would be hidden from the cameras, or is not about a table."""
+        localizer, found = self._world.localizer, self._item_on_table(atom)
+        if localizer is None or found is None:
             return True
-        key = items[0], on[0].name
+        item, table = found
+        key = item, table.name
         if self._hidden_at != self._world.time:
             self._hidden_at, self._hidden = self._world.time, {}
         if key not in self._hidden:
-            spots = footprint.grid(np.array(on[0].centre), (on[0].size[0], on[0].size[1]), on[0].yaw, _APART)
-            self._hidden[key] = bool(localizer.hiders(items[0], spots))
+            spots = footprint.grid(np.array(table.centre), (table.size[0], table.size[1]), table.yaw, _APART)
+            self._hidden[key] = bool(localizer.hiders(item, spots))
         return self._hidden[key]
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.app.depth_witness import ABSENT, DepthWitness
+from executive.app.depth_witness import ABSENT, IN_VIEW, DepthWitness
 from executive.relations.kinds import read_relation_kinds
 from executive.types import Atom, EstimatedPose, Lump, PosesEstimated
 from tests.executive.perception.room import pose
@@ -63,3 +63,25 @@ def test_it_alone_tells_on_which_of_two_tables_something_is_that_lies_across_the
     told = DepthWitness(world, SCENES, KINDS).testify(look, [RIGHT, left, HELD])
     assert told.probability == {RIGHT: float(x > 0.0), left: float(x < 0.0), HELD: 0.0}
     assert told.alone == ({RIGHT, left} if alone else set())
+
+
+def test_what_may_be_something_unknown_on_one_table_is_on_no_other() -> None:
+    left = Atom("at", ("box", "left"))
+    lump = Lump(np.array([0.2, 0.0, 0.05]), np.array([0.01, 0.01, 0.05]))
+    poses = PosesEstimated({}, ("box",), (lump,))
+    tables = [
+        SimpleNamespace(name=name, centre=(x, 0.0, 0.0), size=(0.5, 1.0, 0.1), yaw=0.0)
+        for name, x in (("left", -0.255), ("right", 0.255))
+    ]
+    world: Any = SimpleNamespace(
+        items=("box",),
+        spec=SimpleNamespace(tables=tables),
+        localizer=SimpleNamespace(now=lambda: poses, hiders=lambda item, spots: ()),
+        joints=lambda: np.zeros(6),
+        gripper_joints=lambda: np.zeros(6),
+        gripper_width=lambda: OPEN,
+        time=0.0,
+    )
+    look: Any = None
+    told = DepthWitness(world, SCENES, KINDS).testify(look, [RIGHT, left, HELD]).probability
+    assert told == {left: IN_VIEW}
