@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from executive.perception import clouds, matching, registration
 from executive.perception.clouds import Cloud, View
 from executive.perception.evidence import evidence
-from executive.perception.hiding import hiders
+from executive.perception.hiding import beside, hiders
 from executive.perception.matching import Match
 from executive.perception.models import ItemModel, identical
 from executive.perception.openings import Bar, openings
@@ -160,8 +160,10 @@ class Localizer:
 
     def hiders(self, item: str, spots: FloatArray) -> tuple[str, ...]:
         """The items that may hide one that is seen nowhere (`executive.perception.hiding`): at spots (N, 3) in m."""
-        found = {n: (self._models[n], matrix(pose.pose)) for n, pose in self.now().poses.items() if n != item}
-        return hiders(self._models[item], spots, found, self._views)
+        now, model = self.now(), self._models[item]
+        found = {n: (self._models[n], matrix(pose.pose)) for n, pose in now.poses.items() if n != item}
+        spots = np.concatenate([spots, beside(now.lumps, spots, float(model.half.max()))])
+        return hiders(model, spots, found, self._views)
 
     def estimate(self, sensed: Capture) -> PosesEstimated:
         """The poses by one capture and what is remembered of those before."""

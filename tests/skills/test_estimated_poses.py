@@ -179,6 +179,20 @@ def test_what_is_seen_nowhere_is_rather_where_something_may_hide_it(monkeypatch:
     assert told[atoms["wood-table"]] == IN_VIEW
 
 
+def test_what_hides_an_item_but_for_two_slivers_is_moved_first() -> None:
+    robot = seeing(46, "cereal-box", "soda-can")
+    robot.world.put("cereal-box", np.array([0.51, 0.007, 0.879, 1.0, 0.0, 0.0, 0.0]))
+    robot.world.put("soda-can", np.array([0.443, 0.009, 0.846, 0.12, 0.0, 0.0, 0.993]))
+    robot.world.settle(0.2)
+    localizer = robot.world.localizer
+    assert isinstance(localizer, Localizer)
+    assert localizer.now().missing == ("soda-can",)
+    assert localizer.now().lumps
+    result = robot.pick("soda-can", "black-table")
+    assert result.status is SkillStatus.DONE
+    assert robot.so("robot-gripping(soda-can)")
+
+
 def test_what_hides_an_item_is_moved_first(monkeypatch: pytest.MonkeyPatch) -> None:
     robot = behind_the_box(monkeypatch)
     assert robot.world.locate("lemon") is None
