@@ -121,7 +121,7 @@ def _here_and_there(arguments: argparse.Namespace) -> dict[str, float]:
         mine, other = ask(seen).probability, ask_there(seen).probability
         for _ in range(max(1, arguments.looks)):
             here += _timed(lambda: ask(next_look(world)), 1)
-            there += _timed(lambda: ask_there(world.observe()), 1)
+            there += _timed(lambda: ask_there(next_look(world)), 1)
     return {
         "load of the machine before": load,
         "look, model in this process": _median(here),

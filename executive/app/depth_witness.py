@@ -82,8 +82,8 @@ class DepthWitness:
 
         There is no answer about what is hidden and only remembered. What is seen nowhere is hardly on anything, unless
         there is something that may be it, and least of all on a table on which everything is in view: what may be it is
-        on one table and on no other. Where the fingers
-        hold something and nobody knows what, there is none about the hand, nor about what is seen nowhere.
+        on one table and on no other. Where the fingers hold something and nobody knows what, there is none about the
+        hand, nor about what is seen nowhere.
         """
         now = self._now()
         return {} if now is None else self._told(atoms, *now)

@@ -23,7 +23,6 @@ _OF = 0.01
 _LEAST = 0.1
 """The share of the hidden surface that something has to hide to be named."""
 
-
 _FINE = 0.01
 """m between spots beside something unknown: what shows a part of itself fits there and hardly anywhere else."""
 
@@ -31,11 +30,13 @@ _FINE = 0.01
 def beside(lumps: Sequence[Lump], spots: FloatArray, reach: float) -> FloatArray:
     """Return spots (N, 3) in m among those given, close to each other, within `reach` of something unknown, along x and
     y: it may be the part that is seen of an item that is hidden otherwise."""
+    if not lumps:
+        return np.empty((0, 3))
     steps = np.arange(-reach, reach + 0.5 * _FINE, _FINE)
     around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     apart = np.linalg.norm(spots[:, None] - spots, axis=-1)
     spacing = float(np.where(apart > 0.0, apart, np.inf).min(axis=1).max()) if len(spots) > 1 else 0.0
-    found = [np.empty((0, 3))]
+    found = []
     for lump in lumps:
         places = lump.centre[:2] + around
         away = np.linalg.norm(places[:, None] - spots[:, :2], axis=-1)

@@ -104,7 +104,9 @@ class Preset:
     def in_parts(self) -> Preset:
         """The training for objects that are described: most steps of its first stage show small parts of pictures,
         take a fraction of the time, and are many times as many."""
-        return replace(self, tower=replace(self.tower, steps=_PARTS * self.tower.steps, rate=0.5 * self.tower.rate))
+        return replace(
+            self, tower=replace(self.tower, steps=_SMALL_STEPS * self.tower.steps, rate=0.5 * self.tower.rate)
+        )
 
     def warmed(self, cameras: int, alike: bool = True) -> Preset:
         """The training that starts from a model that was trained before. What is new to that is this domain's
@@ -143,8 +145,8 @@ class Preset:
         return self if share == 1.0 else self.scaled(share)
 
 
-_PARTS = 8
-"""How many times as many."""
+_SMALL_STEPS = 8
+"""How many small steps of the first stage take the place of one."""
 
 _WARM = {"tower": 0.3, "language": 0.4, "together": 0.4, "fewer": 0.4}
 """The share of the steps of each stage that a training takes which does not start from nothing."""

@@ -181,3 +181,11 @@ def test_a_task_refuses_a_goal_that_it_does_not_know() -> None:
 def test_an_observation_refuses_what_is_no_picture(image: np.ndarray) -> None:
     with pytest.raises(ValueError, match="camera 'front'"):
         Observation(1, 0.0, {"front": image}, np.zeros(6))
+
+
+def test_a_belief_without_atoms_has_them_unanswered_and_only_those_that_were_asked() -> None:
+    asked, other, never = Atom("held", ("a",)), Atom("held", ("b",)), Atom("held", ("c",))
+    belief = Belief(3, {asked: 0.9, other: 0.2}, source="model").without({asked, never})
+    assert dict(belief.probability) == {other: 0.2}
+    assert belief.unanswered == {asked}
+    assert (belief.observation_id, belief.source) == (3, "model")

@@ -57,3 +57,28 @@ def test_an_object_of_which_hardly_anything_is_seen_is_not_asked_about() -> None
     assert dense(last, before, masks, channels)[1]["named"] == 0.0
     masks[0, :6, :10] = 1
     assert dense(last, before, masks, channels)[1]["named"] > 0.0
+
+
+def related(first: int) -> float:
+    """The loss of what is on what, with one block on another, both from this row of the mask on."""
+    torch.manual_seed(0)
+    dense = heads.Dense(SMALLEST, SPACE)
+    scene = SPACE.empty(1)
+    for number, what in enumerate((WHAT, ("large", "blue", "rubber", "cube"))):
+        scene.own[0, number, [SPACE.values.index(value) for value in what]] = True
+    scene.binary[0, SPACE.binary.index("on"), 0, 1] = 1
+    masks = torch.zeros(1, heads.MASK, heads.MASK, dtype=torch.uint8)
+    masks[0, first : first + 20, 30:50] = 1
+    masks[0, first + 20 : first + 40, 30:50] = 2
+    last, before = torch.zeros(1, SMALLEST.widths[-1], GRID, GRID), torch.zeros(1, SMALLEST.widths[-2], 8, 8)
+    channels = torch.from_numpy(scene.channels().astype(np.float32))
+    return float(dense(last, before, masks, channels)[1]["related"])
+
+
+def test_what_a_block_is_on_is_asked_about_unless_it_may_be_out_of_view() -> None:
+    both, lower = related(20), related(0)
+    assert 0.0 < lower < both
+    assert torch.equal(
+        heads.at_edge(torch.tensor([[[1] * 96] + [[0] * 96] * 47 + [[2] * 96] * 48]), 3),
+        torch.tensor([[True, True, False]]),
+    )
