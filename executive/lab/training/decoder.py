@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -58,14 +59,27 @@ class CellEmbeddings(nn.Module):
 
 
 class Probe(nn.Module):
-    """A linear head that predicts an item's facets from the inner state at its name."""
+    """The linear heads that predict an item's facets from the inner state at its name, and from the last state before
+    an answer in which attributes two objects agree (`Question`).
 
-    def __init__(self, size: ModelSize, labels: LabelSpace) -> None:
+    Args:
+        facets, attributes: how many there are; items have no attributes.
+        gain: of the facets' logits.
+    """
+
+    def __init__(self, size: ModelSize, facets: int, attributes: int = 0, gain: float = 1.0) -> None:
         super().__init__()
-        self.read = nn.Linear(size.hidden, len(labels.facets))
+        self._gain = gain
+        self.read = nn.Linear(size.hidden, facets)
+        self.compared = nn.Linear(size.hidden, attributes) if attributes else None
 
     def forward(self, inner: torch.Tensor) -> torch.Tensor:
-        logits: torch.Tensor = self.read(functional.rms_norm(inner.float(), inner.shape[-1:]))
+        logits: torch.Tensor = self._gain * self.read(functional.rms_norm(inner.float(), inner.shape[-1:]))
+        return logits
+
+    def agreement(self, last: torch.Tensor) -> torch.Tensor:
+        """Logits (N, A) that the attributes agree, from the last states (N, D)."""
+        logits: torch.Tensor = last[:, :0] if self.compared is None else self.compared(last)
         return logits
 
 
@@ -81,46 +95,63 @@ class Loss:
     probe: float
 
 
-ATTENTION = "scene-first"
-"""The name by which transformers knows `attend_scene_first`."""
+ATTENTION = "by-question"
+"""The name by which transformers knows `attend_by_question`."""
 
 
-def attend_scene_first(
+def attend_by_question(
     module: nn.Module,
     query: torch.Tensor,
     key: torch.Tensor,
     value: torch.Tensor,
     attention_mask: torch.Tensor,
     scaling: float,
-    scene: int = 0,
+    questions: torch.Tensor | None = None,
     **_: Any,
 ) -> tuple[torch.Tensor, None]:
-    """Attention where the first `scene` tokens of each row attend to those before them, and the rest as the mask says:
-    the same as torch's own with the mask for all, which takes longer on a CPU.
+    """Attention where the tokens before the questions attend to those before them, and those of a question to all of
+    these and to those before them in the question: the same as torch's own with the mask, which computes the attention
+    between questions, too.
 
     Args:
         query, key, value: (B, H, L, D).
-        attention_mask: what is added to scores, (B, 1, L, L).
+        attention_mask: not read; `questions` say the same.
+        questions: the places of each question's tokens in a row, (B, Q, T), -1 after its last one.
     """
+    assert questions is not None
+    batch, heads, length, width = query.shape
+    count, longest = questions.shape[1:]
+    start = int(questions[questions >= 0].min())
+    before_key, before_value = key[:, :, :start], value[:, :, :start]
     first = functional.scaled_dot_product_attention(
-        query[:, :, :scene], key[:, :, :scene], value[:, :, :scene], is_causal=True, scale=scaling
+        query[:, :, :start], before_key, before_value, is_causal=True, scale=scaling
     )
-    scores = query[:, :, scene:] @ key.transpose(2, 3) * scaling + attention_mask[:, :, scene:]
-    rest = torch.softmax(scores.float(), dim=-1).to(value.dtype) @ value
-    return torch.cat([first, rest], 2).transpose(1, 2).contiguous(), None
+    flat = questions.view(batch, 1, -1, 1).expand(batch, heads, count * longest, width)
+    each = query.gather(2, flat.clamp_min(0))
+    blocks = (batch, heads, count, longest, -1)
+    keys, values = (part.gather(2, flat.clamp_min(0)).view(blocks) for part in (key, value))
+    later = torch.ones(longest, longest, dtype=torch.bool, device=query.device).triu(1)
+    own = (each.view(blocks) @ keys.transpose(3, 4)).masked_fill(later, -math.inf)
+    scores = torch.cat([(each @ before_key.transpose(2, 3)).view(blocks), own], 4) * scaling
+    weights = torch.softmax(scores.float(), dim=-1).to(value.dtype)
+    read = weights[..., :start].flatten(2, 3) @ before_value + (weights[..., start:] @ values).flatten(2, 3)
+    rest = read.new_zeros(batch, heads, length + 1, width)  # the last place takes what is no token
+    rest = rest.scatter(2, flat.where(flat >= 0, length), read)[:, :, start:length]
+    return torch.cat([first, rest.to(first.dtype)], 2).transpose(1, 2).contiguous(), None
 
 
 def prepare(model: Any) -> None:
-    """Have a model's decoder attend by `attend_scene_first`, which `answers` asks for."""
+    """Have a model's decoder attend by `attend_by_question`, which `answers` asks for."""
     with importing():
         from transformers import AttentionInterface
 
-    AttentionInterface.register(ATTENTION, attend_scene_first)
+    AttentionInterface.register(ATTENTION, attend_by_question)
     model.model.language_model.set_attn_implementation(ATTENTION)
 
 
-def answers(model: Any, tokens: torch.Tensor, batch: QuestionBatch) -> tuple[torch.Tensor, torch.Tensor]:
-    """Returns the logits (N, V) at the answers, and the inner states (M, D) at the names of items.
+def answers(model: Any, tokens: torch.Tensor, batch: QuestionBatch) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Returns the logits (N, V) at the answers, the last states (N, D) there, and the inner states (M, D) at the names
+    of items.
 
     Args:
         model: one that `prepare` has seen.
@@ -138,16 +169,21 @@ def answers(model: Any, tokens: torch.Tensor, batch: QuestionBatch) -> tuple[tor
             position_ids=batch.positions,
             use_cache=False,
             output_hidden_states=True,
-            scene=tokens.shape[1],
+            questions=batch.questions,
         )
     width = rows.shape[-1]
     last = out.last_hidden_state.reshape(-1, width)[batch.last].float()
     inner = out.hidden_states[-2].reshape(-1, width)[batch.probed].float()
-    return last @ decoder.embed_tokens.weight.T, inner
+    return last @ decoder.embed_tokens.weight.T, last, inner
 
 
 def loss_of(
-    logits: torch.Tensor, inner: torch.Tensor, probe: nn.Module, batch: QuestionBatch, yes: Sequence[int]
+    logits: torch.Tensor,
+    last: torch.Tensor,
+    inner: torch.Tensor,
+    probe: Probe,
+    batch: QuestionBatch,
+    yes: Sequence[int],
 ) -> Loss:
     """The cross-entropy of the answers plus that of the probe. `yes` are the affirmative tokens."""
     target, yes_no = batch.answers, batch.yes_no
@@ -161,6 +197,10 @@ def loss_of(
         wrong = functional.binary_cross_entropy_with_logits(read, batch.known.clamp_min(0.0), reduction="none")
         total = total + (wrong * known).sum() / known.sum()
         probed = float((((read > 0) == (batch.known > 0.5)) | ~known).all(1).float().mean())
+    if batch.agree.shape[1]:
+        told, known = probe.agreement(last), batch.agree >= 0
+        wrong = functional.binary_cross_entropy_with_logits(told, batch.agree.clamp_min(0.0), reduction="none")
+        total = total + (wrong * known).sum() / known.sum().clamp_min(1.0)
     return Loss(
         total, _share(right, yes_no & affirmed), _share(right, yes_no & ~affirmed), _share(right, ~yes_no), probed
     )

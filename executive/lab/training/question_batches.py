@@ -14,7 +14,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -46,18 +46,22 @@ _CHATTER = ("please", "tell me", "quick question", "answer yes or no", "thanks",
 class QuestionBatch:
     """Questions about B scenes as tensors. The row of a scene is its P tokens, then T tokens of text.
 
-    `ids` (B, T); `positions` (B, P + T); `mask` (B, 1, P + T, P + T) bool, true where a token may look; `last` (N,)
-    are flat indices into (B * (P + T)) of the places where answers are read, `answers` (N,) the token each should be,
-    `yes_no` (N,) bool. `probed` (M,) flat indices of item names, `facets` (M, F) the facets to be read there, and
-    `known` (M, F) what is true of them, in which -1 is padding.
+    `ids` (B, T); `positions` (B, P + T); `mask` (B, 1, P + T, P + T) bool, true where a token may look; `questions`
+    (B, Q, L), the places of the tokens of each question in its row, -1 after its last one; `last` (N,) are flat indices
+    into (B * (P + T)) of the places where answers are read, `answers` (N,) the token each should be, `yes_no` (N,)
+    bool, and `agree` (N, A) in which attributes objects agree (`Question`), in which -1 is unknown.
+    `probed` (M,) flat indices of item names, `facets` (M, F) the facets to be read there, and `known` (M, F) what is
+    true of them, in which -1 is padding.
     """
 
     ids: torch.Tensor
     positions: torch.Tensor
     mask: torch.Tensor
+    questions: torch.Tensor
     last: torch.Tensor
     answers: torch.Tensor
     yes_no: torch.Tensor
+    agree: torch.Tensor
     probed: torch.Tensor
     facets: torch.Tensor
     known: torch.Tensor
@@ -128,7 +132,7 @@ class QuestionSampler:
             questions = []
             for index, atom in enumerate(self._labels.atoms):
                 text = self._ids(self._wordings.official[atom])
-                questions.append(Question(text, self.yes if row[index] else self.no, True, None, []))
+                questions.append(Question(text, self.yes if row[index] else self.no, True))
             rows.append(questions)
         return self._layout.batch(rows, scene, self._systems[system])
 
@@ -137,7 +141,7 @@ class QuestionSampler:
         if raw:
             index = rng.randrange(len(labels.atoms))
             answer = self._true if facts[index] else self._false
-            return Question(self._ids(str(labels.atoms[index])), answer, True, None, [])
+            return Question(self._ids(str(labels.atoms[index])), answer, True)
         if rng.random() < open_share:
             item = rng.randrange(len(labels.items))
             true = [facet for facet in self._facets[item] if facts[labels.facets[facet][1]]]
@@ -154,7 +158,7 @@ class QuestionSampler:
         for name, item_name in zip(names, atom.args, strict=True):
             if item_name in labels.items:
                 return self._probed(text, name, labels.items.index(item_name), answer, True, facts)
-        return Question(self._ids(text), answer, True, None, [])
+        return Question(self._ids(text), answer, True)
 
     def _atom(self, facts: np.ndarray[Any, np.dtype[np.bool_]]) -> int:
         """Samples an atom; true ones, and those that name no item, more often than at random. The latter are few, and
@@ -173,7 +177,7 @@ class QuestionSampler:
         tokens = self._ids(text)
         end = RowLayout.end_of(self._ids(name), tokens)
         known = [int(facts[self._labels.facets[facet][1]]) for facet in self._facets[item]]
-        return Question(tokens, answer, yes_no, None if end is None else (end, item), known)
+        return Question(tokens, answer, yes_no, [] if end is None else [Probe(end, item, known)])
 
     def _ids(self, text: str) -> list[int]:
         return list(self._tokenizer(text, add_special_tokens=False)["input_ids"])
@@ -185,16 +189,26 @@ class QuestionSampler:
         return self._ids(text)[0]
 
 
+class Probe(NamedTuple):
+    """The end of an item's name (counted from the token before the question), the item's index, and the truth of each
+    of its facets."""
+
+    end: int
+    item: int
+    known: list[int]
+
+
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A question's tokens and answer. `probe` is the end of an item's name (counted from the token before the question)
-    with the item's index, and `known` the truth of each of the item's facets."""
+    """A question's tokens and answer, and its probes. `agree`, of a question whether one object stands in a relation to
+    another: for each attribute, whether what it does stand in that relation to has the value that the other one has;
+    -1 where there is no such value."""
 
     tokens: list[int]
     answer: int
     yes_no: bool
-    probe: tuple[int, int] | None
-    known: list[int]
+    probes: Sequence[Probe] = ()
+    agree: Sequence[int] = ()
 
 
 class RowLayout:
@@ -225,11 +239,14 @@ class RowLayout:
         start = scene + len(system)
         length = len(system) + max(sum(len(question.tokens) + 2 for question in row) for row in rows)
         total, count = scene + length, len(rows)
+        most, longest = max(map(len, rows)), max(len(question.tokens) + 2 for row in rows for question in row)
+        places = np.full((count, most, longest), -1)
         ids, positions = np.zeros((count, length), np.int64), np.zeros((count, total), np.int64)
         segment = np.full((count, total), -1)
         ids[:, : len(system)], positions[:, :start], segment[:, :start] = system, np.arange(start), 0
-        last, answers, yes_no, probed, facets, known = [], [], [], [], [], []
+        last, answers, yes_no, agree, probed, facets, known = [], [], [], [], [], [], []
         widest = max(len(own) for own in self._facets)
+        attributes = max(len(question.agree) for row in rows for question in row)
         for number, row in enumerate(rows):
             at = len(system)
             for order, question in enumerate(row):
@@ -238,16 +255,17 @@ class RowLayout:
                 ids[number, at : at + len(tokens)] = tokens
                 positions[number, here : here + len(tokens)] = start + np.arange(len(tokens))
                 segment[number, here : here + len(tokens)] = order + 1
+                places[number, order, : len(tokens)] = np.arange(here, here + len(tokens))
                 last.append(number * total + here + len(tokens) - 1)
                 answers.append(question.answer)
                 yes_no.append(question.yes_no)
-                if question.probe is not None:
-                    end, item = question.probe
-                    own = self._facets[item]
+                agree.append([*question.agree, *([-1] * (attributes - len(question.agree)))])
+                for probe in question.probes:
+                    own = self._facets[probe.item]
                     missing = widest - len(own)
-                    probed.append(number * total + here + end)
+                    probed.append(number * total + here + probe.end)
                     facets.append([*own, *([0] * missing)])
-                    known.append([*question.known, *([-1] * missing)])
+                    known.append([*probe.known, *([-1] * missing)])
                 at += len(tokens)
         same = (segment[:, :, None] == segment[:, None, :]) | (segment[:, None, :] == 0)
         mask = np.tril(np.ones((total, total), bool)) & same | np.eye(total, dtype=bool)
@@ -255,9 +273,11 @@ class RowLayout:
             torch.from_numpy(ids),
             torch.from_numpy(positions),
             torch.from_numpy(mask[:, None]),
+            torch.from_numpy(places),
             torch.tensor(last),
             torch.tensor(answers),
             torch.tensor(yes_no),
+            torch.tensor(agree, dtype=torch.float32).reshape(len(answers), attributes),
             torch.tensor(probed, dtype=torch.long),
             torch.tensor(facets, dtype=torch.long).reshape(-1, widest),
             torch.tensor(known, dtype=torch.float32).reshape(-1, widest),

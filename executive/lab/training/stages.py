@@ -91,7 +91,7 @@ class Trainer:
             warm_start.begin(self.model, self.tokenizer, start, preset.size)
         self.dense: nn.Module = vision_encoder.Dense(preset.size, self.labels)
         self.codes: nn.Module = decoder.CellEmbeddings(self.model, self.tokenizer, self.labels, self.wordings)
-        self.probe: nn.Module = decoder.Probe(preset.size, self.labels)
+        self.probe = decoder.Probe(preset.size, len(self.labels.facets))
         self.sampler: Any = QuestionSampler(
             self.labels, self.wordings, self.tokenizer, self.systems, untranslated, seed
         )
@@ -291,8 +291,8 @@ class Trainer:
 
     def _question_loss(self, tokens: torch.Tensor, asked: Any) -> tuple[torch.Tensor, Metrics]:
         asked = asked.to(self.device)
-        logits, inner = decoder.answers(self.model, tokens, asked)
-        loss = decoder.loss_of(logits, inner, self.probe, asked, self.sampler.affirmative)
+        logits, last, inner = decoder.answers(self.model, tokens, asked)
+        loss = decoder.loss_of(logits, last, inner, self.probe, asked, self.sampler.affirmative)
         metrics = {"loss": float(loss.total.detach()), "yes": loss.yes, "no": loss.no}
         return loss.total, {**metrics, "open": loss.open, "probe": loss.probe}
 

@@ -126,10 +126,6 @@ def at_edge(masks: torch.Tensor, objects: int) -> torch.Tensor:
     return reached.scatter_(1, band.flatten(1).long(), value=True)[:, 1:]
 
 
-_GAIN = 8.0
-"""Of the probe: what is looked up is a small part of an inner state, and a head of a usual size is slow to find it."""
-
-
 class Codes(nn.Module):
     """The target embedding of a cell: the sum of the codes of what can be read off it. The code of a value is the
     negative embedding of its word; those of what an object stands in a relation to are other vectors, so that a cell
@@ -152,18 +148,6 @@ class Codes(nn.Module):
         """Maps how much of each channel a cell shows, (..., H), to its token, (..., D)."""
         tokens: torch.Tensor = self.ground + read_off @ self.codes
         return tokens
-
-
-class Probe(nn.Module):
-    """A linear head that predicts an object's channels, but for its own values, from the inner state at its name."""
-
-    def __init__(self, size: ModelSize, space: DescribedSpace) -> None:
-        super().__init__()
-        self.read = nn.Linear(size.hidden, space.size - len(space.values))
-
-    def forward(self, inner: torch.Tensor) -> torch.Tensor:
-        logits: torch.Tensor = _GAIN * self.read(functional.rms_norm(inner.float(), inner.shape[-1:]))
-        return logits
 
 
 def shown(masks: torch.Tensor, objects: int, grid: int) -> torch.Tensor:

@@ -11,7 +11,7 @@ import numpy as np
 from executive.lab.training import tokenizer as words
 from executive.lab.training.described.space import NO_ATOM, DescribedSpace, Scenes
 from executive.lab.training.described.words import Words
-from executive.lab.training.question_batches import NOTHING, Question, QuestionBatch, RowLayout
+from executive.lab.training.question_batches import NOTHING, Probe, Question, QuestionBatch, RowLayout
 from executive.s3e.questions.templates import plain
 
 _TRUE, _NEAR, _NULLARY = 0.3, 0.25, 0.1
@@ -89,9 +89,15 @@ class DescribedQuestions:
         called = [self._words.name(space, one.own, number, rng) for number in arguments]
         text = self._words.question(names[int(place[0])], called, rng)
         answer = self.yes if getattr(one, kind)[tuple(place)] == 1 else self.no
-        if not arguments:
-            return Question(self._ids(text), answer, True, None, [])
-        return self._probed(text, called[0], arguments[0], answer, True, read_off)
+        agree = self._agree(one, int(place[0]), arguments) if kind == "binary" else []
+        named = list(zip(called, arguments, strict=True))
+        return self._probed(text, named, answer, True, read_off, agree)
+
+    def _agree(self, one: Scenes, predicate: int, arguments: Sequence[int]) -> list[int]:
+        first, second = arguments
+        partners = one.own[one.binary[predicate, first] == 1].any(axis=0)
+        values = [np.flatnonzero(one.own[second, of.start : of.stop]) + of.start for of in self._of_attribute.values()]
+        return [int(partners[found[0]]) if len(found) else -1 for found in values]
 
     def _drawn(self, one: Scenes, atoms: dict[str, np.ndarray[Any, Any]]) -> tuple[str, np.ndarray[Any, Any]]:
         rng, of_objects = self._rng, [kind for kind in ("unary", "binary") if len(atoms[kind])]
@@ -124,14 +130,21 @@ class DescribedQuestions:
         name = self._words.name(space, one.own, number, rng)
         text = _OPEN.format(attribute=plain(attribute), name=name, predicate=plain(space.binary[predicate]))
         answer = self._answers[true[0]] if true else self._nothing
-        return self._probed(text, name, number, answer, False, read_off)
+        return self._probed(text, [(name, number)], answer, False, read_off)
 
     def _probed(
-        self, text: str, name: str, number: int, answer: int, yes_no: bool, read_off: np.ndarray[Any, Any]
+        self,
+        text: str,
+        named: Sequence[tuple[str, int]],
+        answer: int,
+        yes_no: bool,
+        read_off: np.ndarray[Any, Any],
+        agree: Sequence[int] = (),
     ) -> Question:
         tokens = self._ids(text)
-        end = RowLayout.end_of(self._ids(name), tokens)
-        return Question(tokens, answer, yes_no, None if end is None else (end, number), read_off[number].tolist())
+        ends = [(RowLayout.end_of(self._ids(name), tokens), number) for name, number in named]
+        probes = [Probe(end, number, read_off[number].tolist()) for end, number in ends if end is not None]
+        return Question(tokens, answer, yes_no, probes, agree)
 
     def _one_of(self, places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         chosen: np.ndarray[Any, Any] = places[self._rng.randrange(len(places))]

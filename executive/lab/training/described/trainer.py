@@ -12,7 +12,7 @@ import torch
 from torch.nn import functional
 
 from executive.domain.loader import Domain
-from executive.lab.training import network, vision_encoder, warm_start
+from executive.lab.training import decoder, network, vision_encoder, warm_start
 from executive.lab.training.described import heads
 from executive.lab.training.described.crops import around_objects
 from executive.lab.training.described.disguises import disguised, told_by_colour
@@ -26,6 +26,9 @@ from executive.lab.training.stages import EncodedScenes, Trainer
 from executive.s3e.questions import prompts
 from executive.s3e.questions.templates import Templates, generic, load_instructions
 from executive.sim.spec import read_scene
+
+_GAIN = 8.0
+"""Of the probe: what is looked up is a small part of an inner state, and a head of a usual size is slow to find it."""
 
 _CLOSE, _PARTS = 0.95, 2
 """The share of steps that show parts of pictures around objects, and how many there are in place of a whole one: they
@@ -64,19 +67,19 @@ class DescribedTrainer(Trainer):
         self.systems = [("", 0.45), (prompts.QUESTION_ANSWERING, 0.3), (instructed, 0.25)]
         self.tokenizer = self._tokenizer(start, lambda: self._texts(instructed))
         self.model = network.build(preset.size, self.tokenizer)
-        decoder = self.model.model.language_model
-        network.gather_words(decoder)
+        language = self.model.model.language_model
+        network.gather_words(language)
         words_of = [
             self.tokenizer(self.words.values[v][0], add_special_tokens=False)["input_ids"] for v in space.values
         ]
         network.tell_apart(
-            decoder.embed_tokens.weight, [ids[0] for ids in words_of if len(ids) == 1], preset.size.heads, seed
+            language.embed_tokens.weight, [ids[0] for ids in words_of if len(ids) == 1], preset.size.heads, seed
         )
         if start is not None:
             warm_start.begin(self.model, self.tokenizer, start, preset.size)
         self.dense = heads.Dense(preset.size, space)
         self.codes = heads.Codes(self.model, self.tokenizer, space, self.words)
-        self.probe = heads.Probe(preset.size, space)
+        self.probe = decoder.Probe(preset.size, space.size - len(space.values), len(space.attributes), _GAIN)
         self.sampler = DescribedQuestions(space, self.words, self.tokenizer, self.systems, seed)
         self._place()
 

@@ -139,6 +139,44 @@ def test_questions_have_true_answers(made: tuple[Objects, dict[Atom, bool], Scen
     assert batch.known.shape[1] == SPACE.size - len(SPACE.values)
 
 
+@given(scenes(), st.integers(0, 2**31))
+def test_a_question_about_two_objects_says_in_what_they_agree(
+    made: tuple[Objects, dict[Atom, bool], Scenes], seed: int
+) -> None:
+    """Of each attribute: whether something that the upper one is on has the value of the lower one."""
+    objects, facts, scene = made
+    SAMPLER.reseed(seed)
+    with patch("executive.lab.training.described.words._SHORT", 0.0):
+        batch = SAMPLER.ask(scene, 9, 8, 0.0)
+    names = {name.replace("-", " "): name for name in objects}
+    for places, agree, answer in zip(batch.questions[0], batch.agree, batch.answers.tolist(), strict=True):
+        words = [int(batch.ids[0, place - 9]) for place in places[places >= 0]]
+        said = TOKENIZER.decode(words[1:-1]).lower()
+        upper, _, lower = said.removeprefix("is the ").removesuffix("?").partition(" on top of the ")
+        if not lower:
+            assert (agree == -1).all()
+            continue
+        above = names[upper.strip()]
+        below = [a.args[1] for a, true in facts.items() if true and a.predicate == "on" and a.args[0] == above]
+        own = objects[names[lower.strip()]]
+        assert agree.tolist() == [any(objects[name][key] == own[key] for name in below) for key in own]
+        assert answer == SAMPLER.no or agree.all()
+
+
+def test_both_names_of_a_question_are_probed() -> None:
+    """Each where its name ends, for what is true of its object."""
+    chosen = {"-".join(each.values()): each for each in SPACE.descriptions[:40:13]}
+    one, other = list(chosen)[:2]
+    scene = SPACE.encode(chosen, {Atom("on", (one, other)): True})
+    read_off = scene.channels()[0][:, len(SPACE.values) :]
+    text = f"Is the {one.replace('-', ' ')} on top of the {other.replace('-', ' ')}?"
+    named = [(name.replace("-", " "), number) for number, name in enumerate((one, other))]
+    batch = SAMPLER._layout.batch([[SAMPLER._probed(text, named, SAMPLER.yes, True, read_off)]], 0, [])
+    ends = [TOKENIZER.decode(batch.ids[0, : place + 1]) for place in batch.probed.tolist()]
+    assert [end.strip().endswith(name) for end, (name, _) in zip(ends, named, strict=True)] == [True, True]
+    assert batch.known.tolist() == read_off[:2].astype(float).tolist()
+
+
 def test_the_wordings_that_measure_are_not_those_that_train() -> None:
     for folder in (DOMAIN.folder, DOMAIN.folder / "columns"):
         trained, measured = (read_tables(folder / name)["questions"] for name in (WORDINGS, "paraphrases.toml"))
@@ -217,7 +255,7 @@ def test_names_of_several_words_are_looked_up_before_anything_is_learned() -> No
     texts = [[(trainer.words.question("on-table", [name], luck), name) for name in each] for each in names]
     unread = scenes.channels()[0][:, len(SPACE.values) :]
     questions = [
-        [sampler._probed(text, name, number, sampler.yes, True, unread) for number, (text, name) in enumerate(each)]
+        [sampler._probed(text, [(name, number)], sampler.yes, True, unread) for number, (text, name) in enumerate(each)]
         for each in texts
     ]
     asked = sampler._layout.batch(questions, shown.shape[1], [])

@@ -34,14 +34,14 @@ def test_no_question_is_influenced_by_another_nor_by_another_scene(trainer: Trai
     asked = trainer.sampler.ask(states(trainer, 2, seed), 7, 5, 0.3)
     tokens = torch.randn(2, 7, trainer.preset.size.hidden)
     with torch.no_grad():
-        before, _ = decoder.answers(trainer.model, tokens, asked)
+        before, *_ = decoder.answers(trainer.model, tokens, asked)
         chosen = int(asked.last[6])
         row, at = divmod(chosen, asked.positions.shape[1])
         seen = asked.mask[row, 0, at]
         for other in range(2):
             keep = seen[7:] if other == row else torch.zeros_like(seen[7:])
             asked.ids[other][~keep] = torch.randint(20, 200, (int((~keep).sum()),))
-        after, _ = decoder.answers(trainer.model, tokens, asked)
+        after, *_ = decoder.answers(trainer.model, tokens, asked)
     assert torch.allclose(before[6], after[6], atol=2e-2)  # bfloat16
     assert not torch.allclose(before, after, atol=2e-2)
 
