@@ -145,7 +145,7 @@ class Preset:
         return self if share == 1.0 else self.scaled(share)
 
 
-_SMALL_STEPS = 8
+_SMALL_STEPS = 15
 """How many small steps of the first stage take the place of one."""
 
 _WARM = {"tower": 0.3, "language": 0.4, "together": 0.4, "fewer": 0.4}
