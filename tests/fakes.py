@@ -23,7 +23,7 @@ from executive.core.attention import Attention
 from executive.core.loop import Executive
 from executive.core.settings import Settings
 from executive.errors import InputError, nearest
-from executive.protocols import FaultSource, Preparing, Skill, SkillContext
+from executive.protocols import FaultSource, Preparing, Skill, SkillContext, Witness
 from executive.types import (
     ALWAYS,
     Atom,
@@ -507,6 +507,7 @@ class Stage:
         self.monitor: Monitor = ThresholdMonitor(self.task.atoms, self.thresholds)
         self.moves: dict[str, Skill] = {}
         self.prepare: list[Preparing] = []
+        self.witness: Witness | None = None
 
     def executive(self) -> Executive:
         return make_executive(
@@ -525,6 +526,7 @@ class Stage:
             attention=self.attention,
             moves=self.moves,
             prepare=self.prepare,
+            witness=self.witness,
         )
 
     def play(self) -> Ended:

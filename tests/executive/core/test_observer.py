@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.belief import ErrorModel, SensorModel, Thresholds
+from executive import types
+from executive.belief import ErrorModel, SensorModel, Thresholds, WitnessModel
 from executive.core.attention import Attention
 from executive.core.settings import Settings
 from executive.protocols import Skill, SkillContext
@@ -318,3 +319,29 @@ def test_what_is_never_sure_enough_is_not_claimed() -> None:
     assert any(at("a", "q") in cause.atoms for cause in ended.causes)
     at_its_word = stage(always=always).play()
     assert (at_its_word.outcome, at_its_word.goal_seen) == (OutcomeKind.GOAL_REACHED, True)
+
+
+class Feeling:
+    """A witness that tells where a thing is, which no picture can."""
+
+    name = "touch"
+
+    def __init__(self, world: FakeWorld, thing: str) -> None:
+        self._world, self._thing = world, thing
+
+    def testify(self, observation: Observation, atoms: Sequence[Atom]) -> types.Testimony:
+        about = [atom for atom in atoms if atom.predicate == "at" and atom.args[0] == self._thing]
+        truth = self._world.truth(about)
+        return types.Testimony({atom: 0.999 if truth[atom] else 0.001 for atom in about}, frozenset(about))
+
+
+@pytest.mark.parametrize("tells", [True, False])
+def test_what_a_witness_alone_can_tell_is_not_taken_from_pictures(tells: bool) -> None:
+    """A model that is sure, and wrong, about an item across two tables is not heard about it."""
+    wrong = {at("a", "q"): 0.01, at("a", "r"): 0.99}
+    made = stage(always=wrong).weighing(witnesses={"touch": WitnessModel(SensorModel())})
+    if tells:
+        made.witness = Feeling(made.world, "a")
+    ended = made.play()
+    reached = ended.outcome is OutcomeKind.GOAL_REACHED
+    assert (reached, made.goal_true and reached) == (tells, tells)
