@@ -185,7 +185,7 @@ def loss_of(
     batch: QuestionBatch,
     yes: Sequence[int],
 ) -> Loss:
-    """The cross-entropy of the answers plus that of the probe. `yes` are the affirmative tokens."""
+    """The cross-entropy of the answers plus those of the probe. `yes` are the affirmative tokens."""
     target, yes_no = batch.answers, batch.yes_no
     total = functional.cross_entropy(logits, target)
     right = logits.argmax(1) == target

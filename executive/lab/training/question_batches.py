@@ -177,7 +177,7 @@ class QuestionSampler:
         tokens = self._ids(text)
         end = RowLayout.end_of(self._ids(name), tokens)
         known = [int(facts[self._labels.facets[facet][1]]) for facet in self._facets[item]]
-        return Question(tokens, answer, yes_no, [] if end is None else [Probe(end, item, known)])
+        return Question(tokens, answer, yes_no, [] if end is None else [Probed(end, item, known)])
 
     def _ids(self, text: str) -> list[int]:
         return list(self._tokenizer(text, add_special_tokens=False)["input_ids"])
@@ -189,7 +189,7 @@ class QuestionSampler:
         return self._ids(text)[0]
 
 
-class Probe(NamedTuple):
+class Probed(NamedTuple):
     """The end of an item's name (counted from the token before the question), the item's index, and the truth of each
     of its facets."""
 
@@ -207,7 +207,7 @@ class Question:
     tokens: list[int]
     answer: int
     yes_no: bool
-    probes: Sequence[Probe] = ()
+    probes: Sequence[Probed] = ()
     agree: Sequence[int] = ()
 
 

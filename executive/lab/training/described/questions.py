@@ -11,7 +11,7 @@ import numpy as np
 from executive.lab.training import tokenizer as words
 from executive.lab.training.described.space import NO_ATOM, DescribedSpace, Scenes
 from executive.lab.training.described.words import Words
-from executive.lab.training.question_batches import NOTHING, Probe, Question, QuestionBatch, RowLayout
+from executive.lab.training.question_batches import NOTHING, Probed, Question, QuestionBatch, RowLayout
 from executive.s3e.questions.templates import plain
 
 _TRUE, _NEAR, _NULLARY = 0.3, 0.25, 0.1
@@ -143,7 +143,7 @@ class DescribedQuestions:
     ) -> Question:
         tokens = self._ids(text)
         ends = [(RowLayout.end_of(self._ids(name), tokens), number) for name, number in named]
-        probes = [Probe(end, number, read_off[number].tolist()) for end, number in ends if end is not None]
+        probes = [Probed(end, number, read_off[number].tolist()) for end, number in ends if end is not None]
         return Question(tokens, answer, yes_no, probes, agree)
 
     def _one_of(self, places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
