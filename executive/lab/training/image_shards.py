@@ -32,6 +32,10 @@ from executive.types import FloatArray
 _PLAIN_SHARE = 0.35
 """The share of samples that is drawn without randomised lights, cameras and colours, as in runs."""
 
+_OTHER_TABLES = 0.5
+"""Where objects are described, the share of the recoloured samples in which tables have any colour: else what has
+nearly the colour of the tables, as a brown block on wood, is seen against them alone."""
+
 
 class Shard(NamedTuple):
     """The arrays of a shard, mapped from disk."""
@@ -70,6 +74,8 @@ class ImageSampler:
         owner = [roots.get(int(world.model.body_rootid[body]), 0) for body in world.model.geom_bodyid]
         self._owner = np.array([*owner, 0], dtype=np.uint8)  # the last entry stands for pixels without a geom
         self._atoms = domain.task.atoms
+        # Those of objects with fixed looks may be called by them.
+        self._tables = () if start is None else tuple(table.name for table in world.spec.tables)
 
     def shard(self, count: int, tell: ReportProgress = lambda done: None) -> dict[str, np.ndarray[Any, Any]]:
         """Draws the next `count` samples. `tell` receives the share that is done, after each."""
@@ -103,7 +109,8 @@ class ImageSampler:
         lights = Lights.drawn(rng) if varied and rng.random() < 0.8 else None
         shifts = {camera.name: Shift.drawn(rng, 0.045, 0.08) for camera in self.cameras} if varied else {}
         pictures, items = [], []
-        recoloured = _recoloured(self._relighting.model, rng) if varied and rng.random() < 0.6 else _nothing()
+        changes = varied and rng.random() < 0.6
+        recoloured = _recoloured(self._relighting.model, rng, self._tables) if changes else _nothing()
         with recoloured, self._relighting.set_up(qpos, lights, shifts):
             for camera in self.cameras:
                 whole = self._relighting.drawing.picture(self._relighting.data, camera)
@@ -180,10 +187,16 @@ def shard_folder(folder: Path, number: int) -> Path:
 
 
 @contextmanager
-def _recoloured(model: mujoco.MjModel, rng: np.random.Generator) -> Iterator[None]:
-    """Randomises the colour of each material and each geom a little within the context."""
+def _recoloured(model: mujoco.MjModel, rng: np.random.Generator, tables: Sequence[str]) -> Iterator[None]:
+    """Randomises the colour of each material and each geom a little within the context, and at times those of `tables`
+    altogether."""
     before = model.mat_rgba.copy(), model.geom_rgba.copy()
     try:
+        for table in tables if rng.random() < _OTHER_TABLES else ():
+            tint = rng.uniform(0.15, 1.0, 3)
+            geoms = np.flatnonzero(model.geom_bodyid == model.body(table).id)
+            model.geom_rgba[geoms, :3] *= tint
+            model.mat_rgba[np.unique(model.geom_matid[geoms][model.geom_matid[geoms] >= 0]), :3] *= tint
         for colours in (model.mat_rgba, model.geom_rgba):
             shade = rng.uniform(0.8, 1.15, (len(colours), 1)) * rng.uniform(0.93, 1.07, (len(colours), 3))
             colours[:, :3] = np.clip(colours[:, :3] * shade + rng.uniform(0.0, 0.03), 0.0, 1.0)

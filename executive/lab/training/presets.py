@@ -151,7 +151,7 @@ _SMALL_STEPS = 15
 _WARM = {"tower": 0.3, "language": 0.4, "together": 0.4, "fewer": 0.4}
 """The share of the steps of each stage that a training takes which does not start from nothing."""
 
-_FURTHER = {"tower": 0.5, "together": 0.4}
+_FURTHER = {"tower": 0.3, "together": 0.6}
 """The same for one that goes on with a model of the same domain."""
 
 _SEEING = 0.6

@@ -22,7 +22,7 @@ from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.skills import grasps, transforms
 from executive.skills.ik import Kinematics
-from executive.types import Atom, Facts, FloatArray
+from executive.types import Atom, Facts, FloatArray, about_vertical
 
 VARIANTS = 4
 """Samples of arm and gripper per arrangement of the items."""
@@ -31,6 +31,10 @@ _FLOOR = 0.06
 _TIPPED = 0.18
 """The probabilities that an item lies on the floor, and that it was dropped onto a table in any orientation."""
 
+_BESIDE = 0.35
+"""The probability that an item is put or dropped right beside another one, as what fell off it or rolled up to it. Seen
+from the front, what touches another from behind looks much like what stands on it."""
+
 _IN_REGION, _ABSENT, _HIGHEST = 0.7, 0.5, 5
 """The probabilities that an item is put into a region where the domain speaks of any, and that some items are out of
 sight where items stand on each other; and the most items of a tower."""
@@ -38,6 +42,10 @@ sight where items stand on each other; and the most items of a tower."""
 _AS_AT_START, _ATOP = 0.2, 0.4
 """The probabilities that everything is as at the start of a problem, and that what is put elsewhere is put on top of
 something."""
+
+_AT_TABLE, _ATOP_WITHIN = 0.01, 0.02
+"""m from a table's top within which an item stands on the table, and m of horizontal distance within which one item is
+above another."""
 
 _STRAIGHT = 0.02
 """The largest x and y of the quaternion of what stands upright: 2.3 degrees."""
@@ -233,6 +241,8 @@ class SceneSampler:
         tipped, radius = rng.random() < _TIPPED, placement.circle(shape)
         if rng.random() < _FLOOR:
             return self._on_floor(item)
+        if rng.random() < _BESIDE and (beside := self._beside(item, others)) is not None:
+            return beside
         if tipped:
             radius = float(np.linalg.norm(shape.half))
         for _ in range(60):
@@ -256,6 +266,36 @@ class SceneSampler:
                     pose[2] = table.centre[2] + float(np.linalg.norm(shape.half)) + 0.005
                 return pose
         return self._on_floor(item)
+
+    def _beside(self, item: str, others: Mapping[str, FloatArray]) -> FloatArray | None:
+        """A pose right beside one of the others, on its table or above it, from where it falls; None where there is no
+        room."""
+        rng, shapes = self._rng, self.world.shapes
+        shape, radius = shapes[item], placement.circle(shapes[item])
+        for other in rng.permutation(sorted(others)).tolist():
+            at, next_to = others[other], shapes[other]
+            bottom = at[2] + next_to.centre[2] - next_to.half[2]
+            table = min(self.world.places().values(), key=lambda place: abs(place.centre[2] - bottom))
+            if not _is_upright(at) or abs(table.centre[2] - bottom) > _AT_TABLE:
+                continue
+            falls = rng.random() < 0.5
+            away = radius + placement.circle(next_to)
+            away *= float(rng.uniform(0.5, 1.0) if falls else rng.uniform(1.0, 1.15))
+            angle, turn = rng.uniform(-np.pi, np.pi, 2)
+            spot = at[:2] + away * np.array([np.cos(angle), np.sin(angle)])
+            apart = (
+                np.hypot(*(pose[:2] - spot)) >= radius + placement.circle(shapes[name])
+                for name, pose in others.items()
+                if name != other and np.hypot(*(pose[:2] - at[:2])) > _ATOP_WITHIN
+            )
+            x, y = about_vertical(-table.yaw)[:2, :2] @ (spot - np.asarray(table.centre[:2]))
+            inside = abs(x) + radius <= 0.5 * table.size[0] and abs(y) + radius <= 0.5 * table.size[1]
+            if inside and placement.has_room(self.world.spec, shape, table, spot, False) and all(apart):
+                pose = placement.upright(shape, spot, table, float(turn))
+                if falls:
+                    pose[2] += 2 * float(next_to.half[2]) + 0.01
+                return pose
+        return None
 
     def _on_floor(self, item: str) -> FloatArray:
         rng, half = self._rng, self.world.shapes[item].half

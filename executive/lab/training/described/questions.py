@@ -18,6 +18,10 @@ _TRUE, _NEAR, _NULLARY = 0.3, 0.25, 0.1
 """The probabilities that a question is about a true atom, one that differs from a true one in an object, and one that
 names no object. The others are about any atom."""
 
+_ALIKE = 0.6
+"""The probability that of those that differ from a true atom in an object, one is taken in which the other object is as
+much like it as any in the scene: a large brown cube for a large red one."""
+
 _OPEN = "which {attribute} has what the {name} is {predicate}?"
 
 
@@ -116,6 +120,10 @@ class DescribedQuestions:
             near = legal[(legal[:, 1:] == (first, second)).sum(axis=1) == 1]
             turned = legal[(legal[:, 1:] == (second, first)).all(axis=1)]
             near = turned if len(turned) and rng.random() < 0.25 else near
+            if len(near) and rng.random() < _ALIKE:
+                own = one.own.astype(np.int32)
+                alike = (own[near[:, 1]] * own[first]).sum(axis=1) + (own[near[:, 2]] * own[second]).sum(axis=1)
+                near = near[alike == alike.max()]
             if len(near):
                 return "binary", self._one_of(near)
         kind = rng.choices(of_objects, [len(atoms[each]) for each in of_objects])[0]
