@@ -24,6 +24,9 @@ _BEST = 5
 _REFUTED = 4.0
 """How much worse a share of the surface that a camera looks through is than one that none confirms."""
 
+_OF_ONE = 0.3
+"""The share of the points of a cluster of several things that is looked for an item in, those of its colour first."""
+
 _COLOUR = 0.15
 """The weight of a colour that is not the item's: light changes colours, and some items share them."""
 
@@ -112,7 +115,8 @@ def _rough_match(model: ItemModel, cluster: Cloud, views: Sequence[View], merged
         return _no_match(model, cluster, views)
     first = starts(model, points)
     if merged:
-        first = joined([first, *(starts(model, end) for end in _ends(model, points))])
+        alike = _of_colour(model, cluster)
+        first = joined([first, *(starts(model, part) for part in (*_ends(model, points), alike))])
     poses = refined(model, first, points, 6).best(_BEST * (3 if merged else 1))
     poses = refined(model, poses, _thinned(cluster.points, _FINE), 8 if merged else 4)
     return _judged(model, poses, cluster, views, merged)
@@ -219,6 +223,13 @@ def _ends(model: ItemModel, points: FloatArray) -> list[FloatArray]:
     low, high = np.quantile(along, 0.02), np.quantile(along, 0.98)
     parts = [points[side] for length in 2.0 * model.half for side in (along < low + length, along > high - length)]
     return [part for part in parts if 10 <= len(part) < len(points)]
+
+
+def _of_colour(model: ItemModel, cluster: Cloud) -> FloatArray:
+    """Some of the points of a cluster of several things that have most nearly the item's colour, (N, 3)."""
+    brightness = np.maximum(cluster.colours.sum(axis=1, keepdims=True), 1e-6)
+    away = np.linalg.norm(cluster.colours / brightness - _chroma(model.rgb), axis=1)
+    return _thinned(cluster.points[away <= np.quantile(away, _OF_ONE)], _ROUGH)
 
 
 def _could_be(model: ItemModel, points: FloatArray) -> bool:

@@ -74,6 +74,14 @@ def test_things_that_touch_are_told_apart() -> None:
     assert_found(room.localizer().now(), room, "brick", "plank")
 
 
+def test_what_leans_on_another_thing_is_found_by_its_colour() -> None:
+    carton, tin = box("carton", (0.07, 0.07, 0.16), (0.8, 0.8, 0.8)), box("tin", (0.066, 0.066, 0.10), RED)
+    leaning = np.array([0.0, 0.0, 0.0904, -0.0654, -0.4615, 0.8512, 0.2413])
+    beside = np.array([0.0448, 0.0438, 0.05, 0.2853, 0.0, 0.0, 0.9584])
+    room = Room([carton, tin], {"carton": leaning, "tin": beside})
+    assert_found(room.localizer().now(), room, "carton", "tin")
+
+
 def test_the_spread_says_how_well_a_pose_is_known() -> None:
     near, far = (Room([TOWER], {"tower": pose(0.0, 0.0, 0.08)}, noise).localizer().now() for noise in (0.0005, 0.003))
     assert 0.0 < near.poses["tower"].spread < far.poses["tower"].spread < 0.01
