@@ -228,9 +228,11 @@ class Executive:
             known = self.run_state.known
             needed, verdict = self._compare_condition("preconditions", step.precondition, known)
             failures = self.run_state.failing(step, known)
-            if (decision := policy.before(step, needed, verdict, waits, failures, self.settings)) is None:
+            is_likely = self.run_state.compared(step.precondition, self.run_state.state)[1].satisfied
+            decision = policy.before(step, needed, verdict, waits, failures, self.settings, is_likely)
+            if decision is None or self._decide(decision).kind is DecisionKind.CONTINUE:
                 return None
-            if self._decide(decision).kind is not DecisionKind.LOOK_AGAIN:
+            if decision.kind is not DecisionKind.LOOK_AGAIN:
                 self.run_state = self.run_state.failed(step, known, decision)
                 return decision
             self._in_time()

@@ -141,10 +141,17 @@ def first(
 
 
 def before(
-    step: Step, needed: Facts, verdict: Verdict, waits: int, failures: Failures, settings: Settings
+    step: Step,
+    needed: Facts,
+    verdict: Verdict,
+    waits: int,
+    failures: Failures,
+    settings: Settings,
+    is_likely: bool = False,
 ) -> Decision | None:
     """Before a step: `verdict` holds the literals `needed` of its precondition against what is known; `waits` looks
-    were taken to see them come true; `failures` are those of the step, this one included."""
+    were taken to see them come true; `failures` are those of the step, this one included; `is_likely` says whether they
+    hold in the most probable state. It is better to try the step than to give up because looks do not tell."""
     # Unknown is never true; in the state that was planned from it is false.
     unmet = tuple(sorted(verdict.violated | {atom for atom in verdict.unknown if needed[atom]}))
     if not unmet:
@@ -154,6 +161,8 @@ def before(
     cause = Cause(Reason.PRECONDITION_UNMET, never_seen, literals=literals, steps=(str(step),))
     if waits < settings.precondition_wait:
         return Decision(DecisionKind.LOOK_AGAIN, (cause, Cause(Reason.WAITING, count=waits + 1)), unmet)
+    if is_likely and not verdict.violated and failures.too_many(SkillStatus.NOT_THERE, settings):
+        return Decision(DecisionKind.CONTINUE, (cause, Cause(Reason.TRIED_ANYWAY, never_seen)), unmet)
     return _fail((cause,), unmet, failures, SkillStatus.NOT_THERE, settings)
 
 

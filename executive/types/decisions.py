@@ -47,6 +47,7 @@ class Reason(StrEnum):
     # Before a step.
     PRECONDITION_UNMET = "precondition-unmet"  # steps, unmet literals; atoms: those of them that were never seen
     WAITING = "waiting"  # count: which look comes next
+    TRIED_ANYWAY = "tried-anyway"  # atoms: never seen, and most probably true
     # After a step.
     AS_EXPECTED = "as-expected"
     SKILL_DONE = "skill-done"  # steps

@@ -111,6 +111,7 @@ REASONS: Mapping[Reason, Callable[[Cause], str]] = {
     Reason.NOTHING_SEEN: _nothing_seen,
     Reason.PRECONDITION_UNMET: _precondition_unmet,
     Reason.WAITING: lambda cause: f"waiting (look {cause.count})",
+    Reason.TRIED_ANYWAY: lambda cause: f"tried all the same, as {_atoms(cause)} is what is most probable",
     Reason.AS_EXPECTED: lambda _: "as expected",
     Reason.SKILL_DONE: lambda cause: f"{_steps(cause)} is done",
     Reason.SKILL_FAILED: _skill_failed,

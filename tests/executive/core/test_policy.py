@@ -285,6 +285,25 @@ def test_an_unknown_precondition_is_never_taken_for_true() -> None:
     assert closed is None, "what was planned from is false where nothing is known"
 
 
+def test_what_looks_do_not_tell_is_tried_before_it_is_given_up_if_it_is_probable_and_nothing_speaks_against_it() -> (
+    None
+):
+    step, often = pick("a", "p"), times(SETTINGS.max_failures_with_same_facts(SkillStatus.NOT_THERE))
+    unknown = Verdict(frozenset({FREE}), unknown=frozenset({at("a", "p")}))
+    seen_not_to = Verdict(unknown=frozenset({FREE}), violated=frozenset({at("a", "p")}))
+    for verdict, failures, is_likely, kind in (
+        (unknown, often, True, DecisionKind.CONTINUE),
+        (unknown, often, False, DecisionKind.GIVE_UP_GOAL),
+        (unknown, ONCE, True, DecisionKind.REPLAN),
+        (seen_not_to, often, True, DecisionKind.GIVE_UP_GOAL),
+    ):
+        needed, waits = step.precondition.facts, SETTINGS.precondition_wait
+        decision = policy.before(step, needed, verdict, waits, failures, SETTINGS, is_likely)
+        assert decision is not None
+        assert decision.kind is kind
+    assert policy.before(step, needed, unknown, 0, often, SETTINGS, True).kind is DecisionKind.LOOK_AGAIN  # type: ignore[union-attr]
+
+
 def test_a_run_opens_with_all_that_can_be_seen() -> None:
     everything = (at("a", "p"), FREE)
     known = Facts({FREE: True})
