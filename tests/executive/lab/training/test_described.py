@@ -163,6 +163,23 @@ def test_a_question_about_two_objects_says_in_what_they_agree(
         assert answer == SAMPLER.no or agree.all()
 
 
+def test_an_object_is_asked_about_in_place_of_the_one_that_is_most_like_it() -> None:
+    names = ("large-red-metal-cube", "large-blue-metal-cube", "small-green-rubber-cylinder", "small-cyan-rubber-cube")
+    objects = {name: dict(zip(SPACE.attributes, name.split("-"), strict=True)) for name in names}
+    atoms = [Atom("on", (one, other)) for one in names for other in names if one != other]
+    scene = SPACE.encode(objects, {atom: atom == Atom("on", names[0:3:2]) for atom in atoms})
+    one = Scenes(*(part[0] for part in scene))
+    questions = "executive.lab.training.described.questions"
+    alike: list[float] = []
+    with patch(f"{questions}._TRUE", 0.0), patch(f"{questions}._NEAR", 1.0), patch(f"{questions}._NULLARY", 0.0):
+        for share in (0.0, 1.0):
+            with patch(f"{questions}._ALIKE", share):
+                drawn = [SAMPLER._drawn(one, SAMPLER._atoms(one))[1].tolist() for _ in range(200)]
+            instead = [place[1:] for place in drawn if place[1:] != [2, 0]]  # which is the true one turned around
+            alike.append(sum(place == [1, 2] for place in instead) / len(instead))
+    assert alike[0] < 0.5 < alike[1] == 1.0
+
+
 def test_both_names_of_a_question_are_probed() -> None:
     """Each where its name ends, for what is true of its object."""
     chosen = {"-".join(each.values()): each for each in SPACE.descriptions[:40:13]}
