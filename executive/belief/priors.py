@@ -16,7 +16,7 @@ import numpy as np
 
 from executive.belief.action_model import Chances
 from executive.belief.mutex_inference import MutexNetwork, Solution
-from executive.belief.state_space import StateSpace
+from executive.belief.state_space import IndexArray, StateSpace
 from executive.types import Atom, FloatArray, Step
 
 _LEAST = 1e-300
@@ -151,7 +151,8 @@ def predict(
     """Return what an action may have led to from listed states of some probability, (N,).
 
     Where its precondition does not hold, nothing changes. Where something else happened, the undetermined atoms may be
-    anything that goes together with the others. With the probability `process_noise` the state is any at all.
+    anything else that goes together with the others: neither as they were nor as the action was to make them, which are
+    the other two outcomes. With the probability `process_noise` the state is any at all.
     """
     found = [(1.0, before, False)]
     if step is not None:
@@ -160,8 +161,7 @@ def predict(
         reached = np.bincount(after[able], weights=before[able], minlength=len(space))
         share = float(reached.sum())
         nothing = np.where(able, chances.nothing, chances.nothing + chances.effects) * before
-        number = space.classes(undetermined)
-        other = (np.bincount(number, weights=before) / np.bincount(number))[number]
+        other = _otherwise(space.classes(undetermined), before, after)
         found = [(float(nothing.sum()), nothing / nothing.sum(), False), (chances.other, other, False)]
         if share > 0.0:
             found.insert(0, (chances.effects * share, reached / share, True))
@@ -170,3 +170,18 @@ def predict(
         mixed = (1.0 - process_noise) * probability + process_noise / len(space)
         kept.append(Predicted(chance, Listed(space, np.log(mixed)), effects))
     return kept
+
+
+def _otherwise(number: IndexArray, before: FloatArray, after: IndexArray) -> FloatArray:
+    """Return the probability of each listed state, (N,), where an action that leads from each to `after` (-1: to none)
+    came to something else: any state of the same class (`StateSpace.classes`) but the one before and the one after; any
+    at all of a class that has no others."""
+    leads = (after >= 0) & (after != np.arange(len(after)))
+    leads[leads] = number[after[leads]] == number[leads]
+    others = np.bincount(number)[number] - 1 - leads
+    alone = others == 0
+    each = before / np.where(alone, others + 1 + leads, others)
+    found = np.bincount(number, weights=each)[number] - np.where(alone, 0.0, each)
+    taken = leads & ~alone
+    found -= np.bincount(after[taken], weights=each[taken], minlength=len(found))
+    return np.maximum(found, 0.0)
