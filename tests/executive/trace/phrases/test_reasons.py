@@ -40,6 +40,7 @@ PARAMETERS: dict[Reason, str] = {
     Reason.NOTHING_SEEN: "count steps",
     Reason.PRECONDITION_UNMET: "steps literals atoms",
     Reason.WAITING: "count",
+    Reason.TRIED_ANYWAY: "atoms",
     Reason.SKILL_DONE: "steps",
     Reason.SKILL_FAILED: "steps status detail seconds",
     Reason.SKILL_FAILED_YET_SEEN: "steps status detail seconds",
