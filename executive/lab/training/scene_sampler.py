@@ -18,6 +18,7 @@ from executive.domain.loader import Domain
 from executive.relations.kinds import read_relation_kinds
 from executive.sim import placement, scene
 from executive.sim.initial_state import InitialState
+from executive.sim.scene import ItemShape
 from executive.sim.truth import Truth
 from executive.sim.world import MujocoWorld
 from executive.skills import grasps, transforms
@@ -42,6 +43,9 @@ sight where items stand on each other; and the most items of a tower."""
 _AS_AT_START, _ATOP = 0.2, 0.4
 """The probabilities that everything is as at the start of a problem, and that what is put elsewhere is put on top of
 something."""
+
+_ASIDE, _FARTHEST = 0.15, 0.25
+"""The standard deviation in rad of the direction that counts as behind an item, and m behind it at most."""
 
 _AT_TABLE, _ATOP_WITHIN = 0.01, 0.02
 """m from a table's top within which an item stands on the table, and m of horizontal distance within which one item is
@@ -268,8 +272,8 @@ class SceneSampler:
         return self._on_floor(item)
 
     def _beside(self, item: str, others: Mapping[str, FloatArray]) -> FloatArray | None:
-        """A pose right beside one of the others, on its table or above it, from where it falls; None where there is no
-        room."""
+        """A pose right beside one of the others, on its table or above it, from where it falls, or behind it, as far as
+        a camera that looks over it does not see where it stands; None where there is no room."""
         rng, shapes = self._rng, self.world.shapes
         shape, radius = shapes[item], placement.circle(shapes[item])
         for other in rng.permutation(sorted(others)).tolist():
@@ -278,10 +282,14 @@ class SceneSampler:
             table = min(self.world.places().values(), key=lambda place: abs(place.centre[2] - bottom))
             if not _is_upright(at) or abs(table.centre[2] - bottom) > _AT_TABLE:
                 continue
-            falls = rng.random() < 0.5
+            how = str(rng.choice(["touches", "falls", "behind"]))
             away = radius + placement.circle(next_to)
-            away *= float(rng.uniform(0.5, 1.0) if falls else rng.uniform(1.0, 1.15))
             angle, turn = rng.uniform(-np.pi, np.pi, 2)
+            if how == "behind":
+                angle, shadow = self._behind(at, next_to)
+                away += shadow * float(rng.random())
+            else:
+                away *= float(rng.uniform(0.5, 1.0) if how == "falls" else rng.uniform(1.0, 1.15))
             spot = at[:2] + away * np.array([np.cos(angle), np.sin(angle)])
             apart = (
                 np.hypot(*(pose[:2] - spot)) >= radius + placement.circle(shapes[name])
@@ -292,10 +300,21 @@ class SceneSampler:
             inside = abs(x) + radius <= 0.5 * table.size[0] and abs(y) + radius <= 0.5 * table.size[1]
             if inside and placement.has_room(self.world.spec, shape, table, spot, False) and all(apart):
                 pose = placement.upright(shape, spot, table, float(turn))
-                if falls:
+                if how == "falls":
                     pose[2] += 2 * float(next_to.half[2]) + 0.01
                 return pose
         return None
+
+    def _behind(self, at: FloatArray, shape: ItemShape) -> tuple[float, float]:
+        """The direction in rad that is behind an item as one of the cameras sees it, more or less, and how far in m
+        the item hides the table there."""
+        cameras = self.world.spec.cameras
+        eye = np.asarray(cameras[int(self._rng.integers(len(cameras)))].position)
+        sight = at[:3] + shape.centre - eye
+        above = max(-float(sight[2]) - float(shape.half[2]), 1e-3)
+        shadow = 2.0 * float(shape.half[2]) * float(np.hypot(*sight[:2])) / above
+        angle = float(np.arctan2(sight[1], sight[0]) + self._rng.normal(0.0, _ASIDE))
+        return angle, min(shadow, _FARTHEST)
 
     def _on_floor(self, item: str) -> FloatArray:
         rng, half = self._rng, self.world.shapes[item].half

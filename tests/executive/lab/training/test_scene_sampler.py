@@ -29,16 +29,22 @@ def test_what_is_put_beside_another_thing_is_as_near_as_the_two_can_be(sampler: 
     (table,) = sampler.world.places().values()
     standing = placement.upright(shapes[other], np.array(table.centre[:2]), table, 0.3)
     radius, height = (placement.circle(shapes[name]) for name in (one, other)), 2 * float(shapes[other].half[2])
-    together, falls = sum(radius), 0
-    for _ in range(50):
+    together, falls, behind = sum(radius), 0, 0
+    sight = standing[:2] - np.asarray(sampler.world.spec.cameras[0].position[:2])
+    for _ in range(60):
         pose = sampler._beside(one, {other: standing})
         assert pose is not None
         away = float(np.hypot(*(pose[:2] - standing[:2])))
         above = pose[2] - table.centre[2] - shapes[one].half[2] > 0.5 * height
         falls += above
-        assert 0.5 * together <= away <= 1.15 * together
+        far = away > 1.15 * together
+        cosine = (pose[:2] - standing[:2]) @ sight / away / np.hypot(*sight)
+        behind += far
+        assert 0.5 * together <= away <= together + 0.25
         assert above or away >= together
-    assert 5 < falls < 45
+        assert not far or cosine > 0.8, "only what a camera sees behind the other is farther away"
+    assert 5 < falls < 50
+    assert behind > 5
 
 
 def test_there_is_nothing_to_be_beside_on_the_floor(sampler: SceneSampler) -> None:
