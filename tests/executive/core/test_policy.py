@@ -285,9 +285,7 @@ def test_an_unknown_precondition_is_never_taken_for_true() -> None:
     assert closed is None, "what was planned from is false where nothing is known"
 
 
-def test_what_looks_do_not_tell_is_tried_before_it_is_given_up_if_it_is_probable_and_nothing_speaks_against_it() -> (
-    None
-):
+def test_what_looks_do_not_tell_is_tried_before_it_is_given_up_if_it_is_probable() -> None:
     step, often = pick("a", "p"), times(SETTINGS.max_failures_with_same_facts(SkillStatus.NOT_THERE))
     unknown = Verdict(frozenset({FREE}), unknown=frozenset({at("a", "p")}))
     seen_not_to = Verdict(unknown=frozenset({FREE}), violated=frozenset({at("a", "p")}))
