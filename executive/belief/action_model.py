@@ -118,7 +118,9 @@ def skill_evidence(
         return MappingProxyType({})
     found: dict[Atom, float] = {}
     if result.status in (SkillStatus.NOT_THERE, SkillStatus.NOT_APPLICABLE):
-        needed = [atom for atom, value in step.precondition.facts.items() if value and set(atom.args) & set(step.args)]
+        needed = {atom for atom in step.precondition.facts.true if set(atom.args) & set(step.args)}
+        if result.status is SkillStatus.NOT_THERE:  # an object is taken from where it is: what says so becomes false
+            needed = needed.intersection(step.affects) or needed
         found = dict.fromkeys(needed, -ABSENCE_EVIDENCE) if len(needed) == 1 else {}
     atom = step.about(carried)
     if atom is not None and result.holding is not None and (result.done or not result.holding):

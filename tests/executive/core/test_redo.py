@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -21,6 +22,7 @@ from executive.types import (
     Reason,
     SkillResult,
     SkillStatus,
+    Step,
 )
 from tests.fakes import (
     FLOOR,
@@ -197,3 +199,13 @@ def test_what_a_skill_does_not_find_where_it_should_be_is_not_there() -> None:
     assert skill_evidence(CARRIED, put("a", "q"), SkillResult(put("a", "q"), SkillStatus.NOT_THERE)) == {
         held("a"): -ABSENCE_EVIDENCE
     }
+
+
+def test_what_a_skill_does_not_find_is_where_the_action_takes_it_from_whatever_else_it_needs() -> None:
+    """That nothing is on it, or that a drawer is open, is not what the report is about."""
+    clear = Atom("clear", ("a",))
+    needs = {clear: True, at("a", "b"): True, FREE: True}
+    step = Step.strips("unstack", ("a", "b"), needs, {at("a", "b"): False})
+    missing = SkillResult(step, SkillStatus.NOT_THERE)
+    assert skill_evidence({}, step, missing) == {at("a", "b"): -ABSENCE_EVIDENCE}
+    assert not skill_evidence({}, step, replace(missing, status=SkillStatus.NOT_APPLICABLE)), "it may be either"
