@@ -69,7 +69,6 @@ class CollectConfig:
     Attributes:
         jobs: the number of processes; the data does not depend on it.
         objects: a number or a range; without it, each episode has the problem's own objects, on tables at random.
-        per_episode: the number of completed actions before a reset.
 
     Raises:
         OptionError: a value is not valid.
@@ -96,12 +95,10 @@ class CollectConfig:
     ] = "all"
     subset: Annotated[str | None, Option("Only objects of one of the subsets in problems.toml.")] = None
     jobs: Annotated[int | None, Option("How many at a time; as many as there are cores if not given.", least=1)] = None
-    per_episode: int = MOST_POINTS
+    per_episode: Annotated[int, Option("How many completed actions before all is set anew.", least=1)] = MOST_POINTS
 
     def __post_init__(self) -> None:
         check(self)
-        if self.per_episode < 1:
-            raise OptionError(f"should be at least 1, got {self.per_episode}", option="per_episode")
         if self.objects is not None:
             read_range(self.objects)
             if self.problem is not None:
