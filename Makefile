@@ -3,14 +3,14 @@ PY := .venv/bin/python
 SOURCES := executive skills tests benchmarks examples
 BENCHMARKS := $(notdir $(basename $(wildcard benchmarks/[a-z]*.py))) $(patsubst benchmarks/%/__main__.py,%,$(wildcard benchmarks/*/__main__.py))
 
-.PHONY: help setup run quick test test-slow docs bench example pictures gallery lint format-check types arrows unit format clean
+.PHONY: help setup run quick test test-slow docs pages site bench example pictures gallery lint format-check types arrows unit format clean
 
 help:
 	@echo "make run        set up, then sort the groceries with a dropped item on the way"
-	@echo "make test       set up, then every check: lint, format-check, types, arrows, unit"
+	@echo "make test       set up, then every check of the code: lint, format-check, types, arrows, unit"
 	@echo "make quick      set up, then the pure tests alone: under a minute"
 	@echo "make test-slow  set up, then the tests that take minutes"
-	@echo "make docs       set up, then build the documentation in build/docs; a broken link is an error"
+	@echo "make docs       set up, then do what README and docs say, and build them in build/docs; a broken link is an error"
 	@echo "make bench      set up, then every benchmark, printed (long; make bench BENCHMARKS=monitor for one)"
 	@echo "make example    set up, then make the run in runs/example anew"
 	@echo "make pictures   set up, then draw the pictures in docs/images anew"
@@ -51,8 +51,15 @@ quick: setup
 test-slow: setup
 	$(PY) -m pytest -q -m slow
 
-# What builds the site is installed when it is first needed. --strict: what is warned of is an error.
 docs: setup
+	@$(MAKE) --no-print-directory --keep-going pages site
+
+# Every command that a page shows is carried out.
+pages:
+	$(PY) -m pytest -q -m pages -n auto --maxprocesses 4 --dist worksteal
+
+# What builds the site is installed when it is first needed. --strict: what is warned of is an error.
+site:
 	@$(PY) -c 'import mkdocs, material, mkdocstrings_handlers.python' 2>/dev/null \
 		|| $(PY) -m pip install -qq --no-input --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --quiet --strict

@@ -31,6 +31,8 @@ from tests.executive.s3e.checkpoints import build
 from tests.executive.s3e.on_server import honest
 from tests.executive.s3e.videos import greys, write_video
 
+pytestmark = pytest.mark.pages
+
 INSTEAD = {
     "runs/<id>": "runs/example",
     "--points 2000": "--points 2",

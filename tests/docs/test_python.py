@@ -14,6 +14,8 @@ from tests.docs.following import DOCUMENTS, ROOT, Block, blocks
 EXAMPLES = [file.read_text(encoding="utf-8") for file in sorted((ROOT / "examples").rglob("*.py"))]
 QUOTED = [block for document in DOCUMENTS for block in blocks(document) if block.language == "python"]
 
+pytestmark = pytest.mark.pages
+
 
 def test_there_is_something_to_check() -> None:
     assert {block.document.name for block in QUOTED} >= {"README.md", "own-model.md", "own-world.md"}

@@ -15,6 +15,8 @@ from tests.executive.s3e.chat_server import serving
 from tests.executive.s3e.checkpoints import build
 from tests.executive.s3e.on_server import honest
 
+pytestmark = pytest.mark.pages
+
 
 @pytest.fixture
 def clone(tmp_path: Path) -> Path:

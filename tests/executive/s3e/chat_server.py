@@ -120,6 +120,7 @@ def serving(
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
+        disable_nagle_algorithm = True  # else the body waits 40 ms until the headers are acknowledged
 
         def do_GET(self) -> None:
             if self.path != "/v1/models":
