@@ -55,12 +55,13 @@ def screenshot(
         ViewerError: the viewer did not start or failed.
     """
     path = trace_file(trace)
+    moment = _moment(path, at_cycle, at_time)  # first: what is no trace is known at once
     with named_in_text(path) as named, headless_viewer((size[0], size[1] + _STRIP)) as viewer:
         viewer.open([named])
         settle(viewer, path)
         view = None if panel is None else _view_id(viewer, path, panel)
         _arrange(viewer, view)
-        viewer.set_time(SIM_TIME, duration=_moment(path, at_cycle, at_time), play_state="paused")
+        viewer.set_time(SIM_TIME, duration=moment, play_state="paused")
         picture = still(viewer, view)
         views = viewer.get_state().views
     Path(png).write_bytes(picture if view else _without_strip(picture))
@@ -113,17 +114,24 @@ def _moment(path: Path, cycle: int | None, seconds: float | None) -> float:
 
 
 def _stamps(path: Path) -> Iterator[_Stamp]:
-    """When everything happened that a trace tells of."""
+    """When everything happened that a trace tells of.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     from rerun.chunk import RrdReader
 
     with warnings.catch_warnings(), named_in_text(path) as named:
         warnings.filterwarnings("ignore", "RRD file has no footer")  # a run that was killed
-        for chunk in RrdReader(named).stream():
-            batch = chunk.to_record_batch()
-            if {CYCLE, SIM_TIME} <= set(batch.schema.names):
-                columns = [batch.column(name).cast("int64").to_pylist() for name in (CYCLE, SIM_TIME)]
-                for cycle, nanoseconds in zip(*columns, strict=True):
-                    yield _Stamp(cycle, nanoseconds / 1e9)
+        try:
+            for chunk in RrdReader(named).stream():
+                batch = chunk.to_record_batch()
+                if {CYCLE, SIM_TIME} <= set(batch.schema.names):
+                    columns = [batch.column(name).cast("int64").to_pylist() for name in (CYCLE, SIM_TIME)]
+                    for cycle, nanoseconds in zip(*columns, strict=True):
+                        yield _Stamp(cycle, nanoseconds / 1e9)
+        except RuntimeError as error:
+            raise InputError("the viewer cannot read it", file=path) from error
 
 
 def _view_id(viewer: ViewerClient, path: Path, panel: str) -> str:
